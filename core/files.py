@@ -18,8 +18,8 @@ _DRAFT = ".bsa-draft"
 """Ending of a file that is being written; one that a killed process left holds nothing of worth."""
 
 _HINTS = {
-    errno.ENOSPC: "make room on the disk, then give the same command again.",
-    errno.EDQUOT: "make room in your quota, then give the same command again.",
+    errno.ENOSPC: "make room on the disk.",
+    errno.EDQUOT: "make room in your quota.",
     errno.EROFS: "choose a place that can be written to.",
     errno.EACCES: "check the rights of the path, or choose another.",
     errno.EPERM: "check the rights of the path, or choose another.",

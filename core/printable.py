@@ -32,6 +32,13 @@ def counted(count: int, noun: str, ending: str = "s") -> str:
     return f"{count} {noun}{ending * (count != 1)}"
 
 
+def rounded(value: float, digits: int, sign: bool = False) -> str:
+    """A number of so many digits, large ones written out: ``"520"``, ``"7,403,110"``, never ``"5.2e+02"``."""
+    plus = "+" if sign else ""
+    text = f"{value:{plus}.{digits}g}"
+    return f"{float(text):{plus},.0f}" if "e+" in text else text
+
+
 def were(count: int) -> str:
     """The verb after a number of things."""
     return "was" if count == 1 else "were"

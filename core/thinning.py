@@ -8,6 +8,10 @@ from numpy.typing import NDArray
 ROUNDING = 1e-6
 """Share of its size by which a constant signal may vary: samples are rounded, to 6e-8 at single precision."""
 
+SAMPLES_OF_DRIVES = 1600
+"""Samples of all steps of a varying current that a stored or drawn curve keeps: two for each pixel of a drawing 800
+pixels wide, the lowest and the highest that show there."""
+
 
 def evenly(count: int, most: int) -> NDArray[np.intp]:
     """Indices of at most so many of ``count`` samples, evenly spread, both ends among them."""

@@ -264,8 +264,13 @@ class Trajectory:
             after += 1
         return (before, after) if before >= 0 and after < step.stop else None
 
-    def thinned(self, samples_per_step: int) -> Trajectory:
-        """A copy of at most ``samples_per_step`` samples a step, its ends and bends kept; for storing and drawing."""
+    def thinned(self, samples_per_step: int, samples_of_drives: int = 0) -> Trajectory:
+        """A copy of at most ``samples_per_step`` samples a step, its ends and bends kept; for storing and drawing.
+
+        Steps of a varying current share ``samples_of_drives`` by their length, if that is more: straight lines between
+        few of their samples are a current that never flowed.
+        """
+        driven = sum(step.stop - step.start for step in self.steps if step.kind is StepKind.DRIVE)
         sizes = {name: _size_for_drawing(values) for name, values in self.signals.items()}
         steps = self.steps or (Step(StepKind.DRIVE, 0, len(self)),)
         kept: list[NDArray[np.intp]] = []
@@ -274,7 +279,10 @@ class Trajectory:
         for step in steps:
             part = slice(step.start, step.stop)
             curves = [self.signals[name][part] / size for name, size in sizes.items() if size > 0.0]
-            picks = where_they_bend(self.time[part], curves, samples_per_step)
+            share = (
+                samples_of_drives * (step.stop - step.start) // driven if step.kind is StepKind.DRIVE and driven else 0
+            )
+            picks = where_they_bend(self.time[part], curves, max(samples_per_step, share))
             kept.append(step.start + picks)
             new_steps.append(replace(step, start=count, stop=count + len(picks)))
             count += len(picks)

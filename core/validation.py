@@ -16,6 +16,21 @@ _QUOTED = re.compile(r"'([^']*)'")
 
 _LENGTH = re.compile(r"^(?:Tuple|List) should have (at \w+) (\d+) items?.*$")
 
+_EXPECTED = {
+    **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "a whole number was expected"),
+    **dict.fromkeys(("float_type", "float_parsing"), "a number was expected"),
+    **dict.fromkeys(("bool_type", "bool_parsing"), "true or false was expected"),
+    **dict.fromkeys(("string_type", "path_type"), "text was expected"),
+    **dict.fromkeys(("list_type", "tuple_type"), "a list was expected"),
+    "finite_number": "a finite number was expected",
+    "greater_than_equal": "it must be {ge} or more",
+    "greater_than": "it must be more than {gt}",
+    "less_than_equal": "it must be {le} or less",
+    "less_than": "it must be less than {lt}",
+    "literal_error": "it must be {expected}",
+}
+"""What a kind of error of pydantic's means; its own words tell of types and parsing."""
+
 Model = TypeVar("Model", bound=BaseModel)
 
 
@@ -53,9 +68,16 @@ def explain(error: ValidationError, where: str, model: type[BaseModel]) -> BsaEr
         return BsaError(
             f"{where}: {found}: keys with values were expected{more}.", f'write one "key: value" a line{keys}.'
         )
-    reason = _LENGTH.sub(r"a list should have \1 \2 entries", first["msg"].removeprefix("Value error, "))
+    reason = _reason(first)
     hint = did_you_mean(first["input"], _allowed(first)) if isinstance(first.get("input"), str) else ""
     return BsaError(f"{where}: {found}: {reason}{more}.", hint)
+
+
+def _reason(found: Mapping[str, Any]) -> str:
+    """Why a value is refused, in a few words."""
+    if found["type"] in _EXPECTED:
+        return _EXPECTED[found["type"]].format(**found.get("ctx", {}))
+    return _LENGTH.sub(r"a list should have \1 \2 entries", str(found["msg"]).removeprefix("Value error, "))
 
 
 def _of_the_kind_meant(found: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -48,6 +48,29 @@ def as_several(given: Any) -> list[Any]:
     return list(given) if several else [given]
 
 
+def as_names(given: Any, option: str) -> list[str]:
+    """One name, several or none, as a list. Raises `BsaError` if one is no text."""
+    names = as_several(given)
+    for name in names:
+        if not isinstance(name, str):
+            raise BsaError(f"{option} is {shown(repr(name))}, which is no name.", "give a name, or a list of names.")
+    return names
+
+
+def as_mapping(given: Any, option: str) -> Mapping[str, Any]:
+    """Keys with values, or none. Raises `BsaError` if it is text, or a list of texts, with what to write."""
+    if given is None:
+        return {}
+    if isinstance(given, Mapping):
+        return given
+    pairs = [str(text).partition("=") for text in as_several(given)]
+    meant = {key.strip(): value.strip() for key, _, value in pairs if key.strip() and value.strip()}
+    raise BsaError(
+        f"{option} is {shown(repr(given))}, which has no keys with values.",
+        f"give a mapping, {shown(repr(meant or {'KEY': 'VALUE'}))}.",
+    )
+
+
 def as_celsius(value: Any, option: str) -> float:
     """The ambient temperature that was given, in degC. Raises `BsaError` if it is none, or one in kelvin."""
     found, (coldest, warmest) = as_number(value, option), AMBIENT_C
@@ -75,14 +98,15 @@ def by_column(given: Mapping[str, Any] | None, option: str) -> dict[str, str]:
 
 
 def _by_name(given: Mapping[str, Any] | None, option: str, names: Sequence[str], known: str) -> dict[str, str]:
-    for key, value in (given or {}).items():
+    said = as_mapping(given, option)
+    for key, value in said.items():
         if key not in names:
             nearest = did_you_mean(str(key), names)
             raise BsaError(
                 f'{option} {shown(key)}={shown(value)}: there is no signal "{shown(key)}".',
                 f"{nearest} " * bool(nearest) + known,
             )
-    return {key: str(value) for key, value in (given or {}).items()}
+    return {key: str(value) for key, value in said.items()}
 
 
 def simulation_workers(asked: int) -> int:

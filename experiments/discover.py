@@ -27,7 +27,8 @@ from ..plugins.pybamm.effect_simulator_pool import EffectSimulatorPool
 from ..plugins.pybamm.radial_mesh import RadialMesh
 from .discovery_case import DiscoverOptions, read_case
 from .discovery_journal import opened
-from .discovery_setup import DiscoverySetup, set_up
+from .discovery_setup import DiscoverySetup, say_notes, set_up
+from .told_simulations import ToldSimulations
 
 RESULT = "discovery.json"
 
@@ -41,17 +42,18 @@ def discover(options: DiscoverOptions, listener: Listener = lambda text: None, w
     effect or an option is wrong, or the folder holds something else.
     """
     carry_out = _over_life if options.life else _on_records
+    told = ToldSimulations(listener)
     with opened(options) as journal:
         for text in journal.file.warnings:
             listener(text)
         try:
-            discovery, page = carry_out(options, journal, listener, workers)
+            discovery, page = carry_out(options, journal, told, workers)
         except (KeyboardInterrupt, Outage) as stopped:
             status = "interrupted" if isinstance(stopped, KeyboardInterrupt) else "outage"
             journal.file.append("end", status=status, wall_s=journal.file.open_s)
             raise
         # Said before it is written: a disk that is full by now must not cost the answer.
-        listener(f"{discovery.verdict}: {', '.join(discovery.names) or discovery.findings.reason}")
+        told(f"{discovery.verdict}: {', '.join(discovery.names) or discovery.findings.reason}")
         write_text(options.out / RESULT, json.dumps(discovery.to_json(), indent=1, allow_nan=False))
         write_text(options.out / "augmented_model.py", discovery.script)
         write_text(options.out / "report.html", page)
@@ -60,7 +62,7 @@ def discover(options: DiscoverOptions, listener: Listener = lambda text: None, w
 
 
 def _over_life(
-    options: DiscoverOptions, journal: OpenJournal, listener: Listener, workers: int
+    options: DiscoverOptions, journal: OpenJournal, listener: ToldSimulations, workers: int
 ) -> tuple[Discovery, str]:
     """What is found in a life, and its page."""
     from .discover_life import discover_over_life
@@ -72,7 +74,7 @@ def _over_life(
 
 
 def _on_records(
-    options: DiscoverOptions, journal: OpenJournal, listener: Listener, workers: int
+    options: DiscoverOptions, journal: OpenJournal, listener: ToldSimulations, workers: int
 ) -> tuple[Discovery, str]:
     """What is found in records, and its page."""
     from .report.discovery import render
@@ -83,11 +85,10 @@ def _on_records(
         def make_simulator(cell: CellModel, space: ParameterSpace, mesh: RadialMesh) -> Simulator:
             together = (*case.measured_records, *case.held)
             pool = EffectSimulatorPool(cell, space.targets, mesh.usual, mesh.fine, workers, together)
-            return RecordedSimulator(held.enter_context(closing(pool)), Prediction, journal.file, journal.earlier)
+            inner = held.enter_context(closing(pool))
+            return RecordedSimulator(inner, Prediction, journal.file, journal.earlier, listener.simulated)
 
         case = read_case(options)
-        for text in case.notes:
-            listener(f"note: {text}")
         backend = held.enter_context(backend_or_none(options, listener, bool(journal.earlier)))
         setup = set_up(case, options, listener, make_simulator)
         asked = None if backend is None else recorder.around(backend)
@@ -144,8 +145,7 @@ def discover_on(
         "Its potentials or its capacity may not be those of the measured cell."
         for name, soc in findings.best.beyond_window.items()
     ]
-    for text in beyond:
-        listener(text)
+    say_notes(beyond, listener)
     discovery = RecordDiscovery(
         findings,
         places,

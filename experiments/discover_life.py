@@ -15,6 +15,7 @@ from ..core.discovery.simulator import Answering, LifeRequest, LifeResiduals
 from ..core.effect import Effect, Evidence
 from ..core.errors import BsaError
 from ..core.parameters import Candidate
+from ..core.printable import rounded
 from ..core.run.journal import OpenJournal
 from ..core.task import Task
 from ..core.task_reduction import shortened
@@ -24,9 +25,11 @@ from ..plugins.pybamm.life_simulator import LifeSimulatorPool
 from ..plugins.pybamm.parameter_sets import pybamm
 from .degradation_modes import degradation_modes
 from .discovery_case import DiscoverOptions, read_life
+from .discovery_setup import say_notes
 from .run import Resources, execute_run
 from .run_settings import run_config
 from .told_run import ToldRun
+from .told_simulations import ToldSimulations
 
 CELL = "cell"
 """Folder of the run that fits the cell, in that of the discovery."""
@@ -40,7 +43,7 @@ _CELL_SIMULATIONS = 60
 
 
 def discover_over_life(
-    options: DiscoverOptions, journal: OpenJournal, listener: Listener, workers: int
+    options: DiscoverOptions, journal: OpenJournal, listener: ToldSimulations, workers: int
 ) -> LifeDiscovery:
     """Fit the cell to the first cycle of a life, then each mechanism to the fitted cycles, and say which one it is."""
     pybamm.set_logging_level("CRITICAL")
@@ -48,17 +51,17 @@ def discover_over_life(
     notes = list(task.notes)
     # What is wrong with the options is said before the first simulation.
     fit_cycles, considered = _fit_cycles(task, options.fit_cycles), _considered(task, options, notes)
-    for text in notes:
-        listener(f"note: {text}")
+    say_notes(notes, listener)
     listener("fitting the cell to its first cycle")
     cell = _first_cycle(task, options, workers, listener)
     with closing(LifeSimulatorPool(task, workers)) as pool:
-        simulator = RecordedSimulator(pool, LifeResiduals, journal.file, journal.earlier)
+        simulator = RecordedSimulator(pool, LifeResiduals, journal.file, journal.earlier, listener.simulated)
         kept = task.experiments[0].target.cycles[1:]
         listener(f"fitting what was lost to each of {len(kept)} cycles alone, from cycle {kept[0]} to {kept[-1]}")
         modes = degradation_modes(task, cell, simulator)
         for mode in modes:
-            listener(f"{mode.name}: {mode.per_100_cycles:+.2g} ± {mode.half_per_100_cycles:.1g} in 100 cycles")
+            trend, half = rounded(mode.per_100_cycles, 2, sign=True), rounded(mode.half_per_100_cycles, 1)
+            listener(f"{mode.name}: {trend} ± {half} in 100 cycles")
         listener(f"fitting mechanisms to the cycles up to {fit_cycles}")
         simulate = _simulating(simulator, cell)
         (new,) = simulate((), [{}])

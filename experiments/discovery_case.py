@@ -15,10 +15,11 @@ from ..core.discovery.findings import Settings
 from ..core.discovery.observations import FLOOR_V
 from ..core.discovery.simulator import MeasuredRecord
 from ..core.errors import BsaError, unknown
+from ..core.files import write_text
 from ..core.record import ReadOptions, Record
 from ..core.run.journal import FILE_NAME, check_run_folder
 from ..core.target import CyclableLithium, Factor, Value, factor_name, target_named
-from ..core.task import CellModel, Task
+from ..core.task import CellModel, ParameterSource, Task
 from ..core.validation import validated
 from ..core.yaml_text import YAML_SUFFIXES, read_yaml
 from .run_names import named_after, numbered_folder
@@ -106,11 +107,14 @@ class DiscoverOptions(BaseModel, extra="forbid"):
         return Settings(max_effects=self.max_effects, seed=self.seed)
 
 
-def discover_options(records: Records, out: Path | None, **others: Any) -> DiscoverOptions:
+def discover_options(
+    records: Records, out: Path | None, *, parameters: ParameterSource, **others: Any
+) -> DiscoverOptions:
     """What is asked of a discovery.
 
-    Records that were read already are written into the folder ``OUT-records`` beside that of the discovery, so that it
-    can be resumed; ``out`` is a new folder under ``runs`` where it is None. Raises `BsaError` if an option is wrong.
+    Records and parameters that were read already are written into the folder ``OUT-records`` beside that of the
+    discovery, so that it can be resumed; ``out`` is a new folder under ``runs`` where it is None. Raises `BsaError` if
+    an option is wrong.
     """
     if records.lives:
         _check_life(records, others)
@@ -128,6 +132,7 @@ def discover_options(records: Records, out: Path | None, **others: Any) -> Disco
     if records.joined:
         fitted = [{**fitted[0], "joined": [file["path"] for file in fitted[1:]]}]
     content = {"data": fitted, "holdout": files[count:], "out": folder, **others}
+    content["parameters"] = _parameters_written(parameters, folder)
     content |= {"life": records.lives, "fit_cycles": records.fit_cycles}
     return validated(DiscoverOptions, content, "discovery")
 
@@ -150,7 +155,7 @@ def _written(record: Record, number: int, folder: Path) -> Path:
     """A record as a file, which a discovery that is resumed reads again."""
     from ..plugins.readers.bdf import write
 
-    place = folder.with_name(f"{folder.name}-records")
+    place = _place_of_records(folder)
     place.mkdir(parents=True, exist_ok=True)
     name = "".join(
         character if character.isalnum() or character in "-_" else "-" for character in Path(record.name).stem
@@ -172,7 +177,27 @@ def _check_same(record: Record, path: Path, folder: Path) -> None:
         write(record, draft)
         if filecmp.cmp(draft, path, shallow=False):
             return
-    raise BsaError(f"{folder} belongs to a discovery with other records.", "choose another --out folder.")
+    raise _belongs_to_another(folder, "records")
+
+
+def _parameters_written(parameters: ParameterSource, folder: Path) -> str:
+    """What names the parameters: of those that were read already, the path of a file with them."""
+    if isinstance(parameters, str):
+        return parameters
+    path = _place_of_records(folder) / "parameters.json"
+    if path.is_file() and (folder / FILE_NAME).is_file() and path.read_text() != parameters.text:
+        raise _belongs_to_another(folder, "parameters")
+    write_text(path, parameters.text)
+    return str(path)
+
+
+def _place_of_records(folder: Path) -> Path:
+    """Where what was read already is written, beside the folder of the discovery."""
+    return folder.with_name(f"{folder.name}-records")
+
+
+def _belongs_to_another(folder: Path, of_other: str) -> BsaError:
+    return BsaError(f"{folder} belongs to a discovery with other {of_other}.", "choose another --out folder.")
 
 
 @dataclass(frozen=True)

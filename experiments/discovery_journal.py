@@ -9,6 +9,7 @@ from typing import Any
 from ..core.discovery.recorded import SIMULATION
 from ..core.errors import BsaError
 from ..core.files import file_error
+from ..core.printable import shown
 from ..core.reading.part_of_file import file_and_part
 from ..core.run import journal
 from ..core.run.journal import FILE_NAME, FORMAT, Journal, OpenJournal, read_events
@@ -49,10 +50,28 @@ def _begin(file: Journal, earlier: list[dict[str, Any]], asked: Mapping[str, Any
     if changed:
         if first.get("kind") != KIND:
             raise BsaError(f"{file.path} belongs to a calibration.", "choose another --out folder.")
+        if changed == ["records"]:
+            raise _changed_files(file.path, known.get("records", {}), asked["records"])
         what = f"a discovery with other {' and '.join(changed)}"
-        instead = "resume with --resume alone" if "options" in changed else "restore what it began with"
+        instead = (
+            "go on with the options that it has: bsa discover --resume FOLDER"
+            if "options" in changed
+            else "restore what it began with"
+        )
         raise BsaError(f"{file.path} belongs to {what}.", f"choose another --out folder, or {instead}.")
     go_on(file, first)
+
+
+def _changed_files(journal: Path, before: Mapping[str, str], now: Mapping[str, str]) -> BsaError:
+    """The refusal of files that are not what they were when the discovery began."""
+    changed = [
+        path for path in (*before, *(path for path in now if path not in before)) if before.get(path) != now.get(path)
+    ]
+    more = f" ({len(changed) - 1} more have changed)" * (len(changed) > 1)
+    return BsaError(
+        f"{shown(changed[0], 300)} is not what it was when the discovery in {journal.parent} began{more}.",
+        "restore it, or begin a new discovery with another --out folder.",
+    )
 
 
 def _defaults() -> dict[str, Any]:

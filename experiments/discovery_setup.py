@@ -62,6 +62,12 @@ class DiscoverySetup:
         return in_words(places, problem.observations[0].noise)
 
 
+def say_notes(notes: Sequence[str], listener: Listener) -> None:
+    """Say what was assumed, repaired or settled as soon as it is known: a wrong unit shows in what it leads to."""
+    for note in notes:
+        listener(f"note: {note}")
+
+
 MakeSimulator = Callable[[CellModel, ParameterSpace, RadialMesh], Simulator]
 
 
@@ -79,10 +85,14 @@ def set_up(
     """Settle the mesh, choose what is uncertain, and condense the records of a case."""
     pybamm.set_logging_level("CRITICAL")
     cell = case.cell
+    passed_over: list[str] = []
+    # What is wrong with the options is said before anything else.
+    catalogue = effects_of(options.effects, None, options.effect_options, passed_over.append)
+    spreads = spreads_of(options.search, cell)
+    say_notes([*case.notes, *passed_over], listener)
     mesh = radial_mesh(cell, [*case.measured_records, *case.held], case.initial_soc)
-    if mesh.note:
-        listener(mesh.note)
-    space = uncertain_parameters(case.measured_records, case.initial_soc, spreads_of(options.search, cell))
+    say_notes([mesh.note] * bool(mesh.note), listener)
+    space = uncertain_parameters(case.measured_records, case.initial_soc, spreads)
     simulator = make_simulator(cell, space, mesh)
     floor = 1e-3 * options.floor_mv
     problem = Problem(
@@ -91,8 +101,4 @@ def set_up(
         [observe(one, options.points, floor) for one in case.held],
     )
     capacity = equilibrium_capacity_ah(cell.parameter_set, cell.overrides)
-    passed_over: list[str] = []
-    catalogue = effects_of(options.effects, None, options.effect_options, passed_over.append)
-    for text in passed_over:
-        listener(text)
     return DiscoverySetup(case, problem, space, catalogue, simulator, mesh, capacity, tuple(passed_over))

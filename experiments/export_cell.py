@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..core.printable import rounded
 from ..core.target import CellChange
 from ..core.task import CellModel, Experiment
 from .tasks.parameter_source import read_finished
@@ -59,12 +60,13 @@ class Difference:
     @property
     def words(self) -> str:
         """Of a file's cell beside the run's own; where in the record they differ most, if they differ clearly."""
-        words = f"Read back and simulated on the first record, the file is within {self.largest_mv:.2g} mV of the run's"
+        largest = rounded(self.largest_mv, 2)
+        words = f"Read back and simulated on the first record, the file is within {largest} mV of the run's"
         if self.largest_mv <= TOLERANCE_MV:
             return f"{words} own cell."
         return (
             f"{words} own cell, farthest off at {self.at_s:,.0f} s of {self.duration_s:,.0f} s "
-            f"({self.rms_mv:.2g} mV rms): more than tables explain."
+            f"({rounded(self.rms_mv, 2)} mV rms): more than tables explain."
         )
 
 

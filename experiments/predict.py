@@ -37,8 +37,13 @@ class ScoredRecords:
             "trial": self.run.best.index,
             "parameters": dict(self.run.best.candidate),
             "records": [{"fitted": False, **prediction.as_json()} for prediction in self.predictions],
-            "notes": [note for note in self.run.task.notes if "(held out)" in note],
+            "notes": list(self.notes),
         }
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was assumed or repaired of these records, and what is worth noticing."""
+        return tuple(note for note in self.run.task.notes if "(held out)" in note)
 
 
 def predict_records(

@@ -9,7 +9,7 @@ from ..core.errors import BsaError
 from ..core.printable import counted
 from ..core.record import ReadOptions
 from ..core.validation import validated
-from .checked_options import FIELDS, as_celsius, as_number, as_several, by_column, by_signal
+from .checked_options import FIELDS, as_celsius, as_mapping, as_number, as_several, by_column, by_signal
 
 Numbers: TypeAlias = "float | Sequence[float] | None"
 """One number for all records, or one for each, held-out ones last."""
@@ -48,7 +48,7 @@ def readings(
     same = {
         "columns": by_column(column, "--column"),
         "units": by_signal(unit, "--unit"),
-        "where": {key: str(value) for key, value in (where or {}).items()},
+        "where": {key: str(value) for key, value in as_mapping(where, "--where").items()},
         "cycles": None if cycles is None else parse_cycles(str(cycles)),
         "current_sign": current_sign,
         "sheet": sheet,

@@ -25,6 +25,11 @@ from ..core.task import Task
 from ..core.trial import Phase, Trial, lowest, repeated_by
 from .exchanges import EXCHANGED, Exchange, exchange_of
 
+_AFTER_A_DISCOVERY = (
+    "augmented_model.py in it is the fitted cell with what was found; to predict, export or begin from such a cell, "
+    "calibrate it first: bsa run --data FILE --parameters NAME --effect EFFECT."
+)
+
 UNFINISHED = "unfinished"
 """Status of a run that is still going on, or was killed."""
 
@@ -166,7 +171,7 @@ def read_run(folder: Path) -> RunRecord:
     Raises `BsaError` if there is no journal, it is damaged, or not even the first simulation was finished.
     """
     events = list(read_events(folder))
-    check_calibration(events[0] if events else {}, folder / FILE_NAME)
+    check_calibration(events[0] if events else {}, folder / FILE_NAME, _AFTER_A_DISCOVERY)
     with decoding(folder / FILE_NAME, "a run", "restore the file, or start a new run."):
         return _record(folder, events)
 

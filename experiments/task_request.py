@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import BsaError
 from ..core.record import ReadOptions, Record
-from ..core.task import Task
+from ..core.task import ParameterSource, Task
 from .read_options import one_each
 from .run_names import named_after
 
@@ -105,7 +105,8 @@ class Records:
 class CellChoice:
     """Which model of which cell, and what of it is searched; None leaves the default, or what a run began with."""
 
-    parameters: str | None = None  # A parameter set, a parameter file or the folder of a run.
+    # A parameter set, a parameter file, also one that is read already, or the folder of a run.
+    parameters: ParameterSource | None = None
     model: str | None = None
     options: Mapping[str, Any] = field(default_factory=dict)  # PyBaMM's model options.
     search: str | Mapping[str, Any] | None = None

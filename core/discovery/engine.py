@@ -108,6 +108,9 @@ class Engine:
         if unfinished and self.settings.max_effects > 1 and fitter.as_new is None:
             explanations = self.add_second(base, explanations, known.nominations)
         explanations = self._exact(explanations)
+        for explanation in explanations:
+            # Fitted on since they were told of, some are nearer; the verdict is on what they are now.
+            fitter.tell(base, explanation, unless_told=True)
         nearest = min(calibrated, base, key=lambda fit: fit.rmse_v)
         findings = RULES.decide(self._gap(base, nearest), explanations)
         findings.nominations, findings.mesh_v = known.nominations, known.mesh_v
@@ -161,7 +164,8 @@ class Engine:
             return self.finish(known.base, found)
         if not (found and self._explains(known.base, found[0])):
             rest = [n for n in nominations if n.sensitivity is not None and n.promise > before.cost]
-            self._say(f"none explains enough; fitting {counted(len(rest), 'effect')} with strengths of either sign")
+            if rest:
+                self._say(f"none explains enough; fitting {counted(len(rest), 'effect')} with strengths of either sign")
             self._progress.estimate(self.problem.simulated, 2 * len(rest) * most_simulations(before))
             fitter.problem.misfit_v = misfit_v  # the scores were taken with it
             self._screen(rest, partial(screen, fitter, before, either_sign=True), before.cost)

@@ -64,6 +64,7 @@ class Fitter:
         """Base parameters before the cell aged, shape (p,), where records of many cycles tell them."""
         self._low: Fitter | None = None
         self._say = listener
+        self._told: dict[str, str] = {}
 
     @property
     def of_cell(self) -> NDArray[np.bool_]:
@@ -169,6 +170,7 @@ class Fitter:
             early_fitter = Fitter(new, self.space, self.settings, self._say)
             first, _ = early_fitter.calibrate(_STARTS)
             self.as_new = (first if first.adequacy.adequate else early_fitter.temper(first)).fit.u
+        self._say("fitting the base model")
         start = np.zeros(len(self.space)) if self.as_new is None else self.as_new
         low = problem.shifted_low_fidelity((), self.space.at(start))
         if low is not None:
@@ -193,7 +195,7 @@ class Fitter:
                     base = self.explain((), fit)
         if not base.adequacy.adequate:
             base = self.exact(base)
-        self._say(f"base model: {1e3 * base.rmse_v:.2f} mV" + " (not converged)" * (not base.settled))
+        self._say(f"base model: {errors_in_words(base)}")
         return base, mesh_v
 
     def _coarse_fit(self, start: FloatArray) -> Refit:
@@ -421,13 +423,28 @@ class Fitter:
         counts = np.concatenate([observed.count for observed, _ in held])
         return _sample_rmse(errors, counts, self.problem.held_noise_v)
 
-    def tell(self, base: Explanation, explanation: Explanation) -> None:
-        """Say in one line how an explanation did, beside the base model."""
-        margin = bic_difference(base, explanation)
-        rms, held = 1e3 * explanation.rmse_v, 1e3 * explanation.held_rmse_v
-        doubt = " (not converged)" * (not explanation.settled)
-        told = f"BIC {'better' if margin >= 0 else 'worse'} by {abs(margin):.0f}"
-        self._say(f"  {explanation.label}: {rms:.2f} mV, held out {held:.2f} mV, {told}{doubt}")
+    def tell(self, base: Explanation, explanation: Explanation, unless_told: bool = False) -> None:
+        """Say in one line how an explanation did, beside the base model; ``unless_told`` only what is not said yet."""
+        line = f"  {explanation.label}: {errors_in_words(explanation)}, {_against(base, explanation)}"
+        if not (unless_told and self._told.get(explanation.label) == line):
+            self._say(line)
+        self._told[explanation.label] = line
+
+
+def errors_in_words(explanation: Explanation) -> str:
+    """Errors on the fitted and on the held-out data, and whether the fit has converged."""
+    rms, held = 1e3 * explanation.rmse_v, 1e3 * explanation.held_rmse_v
+    return f"{rms:.2f} mV, held out {held:.2f} mV" + " (not converged)" * (not explanation.settled)
+
+
+def _against(base: Explanation, explanation: Explanation) -> str:
+    """How likely an explanation is beside the base model: the difference in BIC, and why the error may differ."""
+    margin = round(bic_difference(base, explanation))
+    if margin == 0:
+        return "BIC as that of the base model"
+    farther = margin > 0 and round(1e3 * explanation.rmse_v, 2) > round(1e3 * base.rmse_v, 2)
+    why = ", though the error is larger than the base model's: a few large errors count little in BIC" * farther
+    return f"BIC {'better' if margin > 0 else 'worse'} by {abs(margin)}{why}"
 
 
 def _temperature_error(problem: Problem, predictions: Sequence[Prediction]) -> float | None:

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import threading
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -29,7 +29,7 @@ class RecordedSimulator(Generic[Asked, Given]):
 
     A discovery is a function of its simulations. One that is carried out anew with those of the journal comes to the
     place where it was stopped without a simulation, and goes on from there. ``answer`` is the dataclass of the answers:
-    its fields are arrays, of which only later ones may be None.
+    its fields are arrays, of which only later ones may be None. ``counted`` hears how many were simulated each time.
     """
 
     def __init__(
@@ -38,8 +38,10 @@ class RecordedSimulator(Generic[Asked, Given]):
         answer: type[Given],
         journal: Journal,
         earlier: Iterable[Mapping[str, Any]] = (),
+        counted: Callable[[int], None] = lambda count: None,
     ) -> None:
         self._inner = inner
+        self._counted = counted
         self._answer = answer
         self._journal = journal
         earlier = list(earlier)
@@ -66,6 +68,7 @@ class RecordedSimulator(Generic[Asked, Given]):
                 for effect in self._inner.refused.keys() - self.refused.keys():
                     self.refused[effect] = self._inner.refused[effect]
                     self._journal.append(REFUSED, effect=effect, why=self.refused[effect])
+            self._counted(len(missing))
         return [self._known[key] for key in keys]
 
     @property

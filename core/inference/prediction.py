@@ -19,6 +19,7 @@ from ..shape import shaped
 from ..signals import Signal
 from ..simulation import ExperimentRun, Outcome, in_order
 from ..task import Experiment, Task
+from ..thinning import SAMPLES_OF_DRIVES
 from ..trajectory import FloatArray, Trajectory
 from .identifiability import DRAWS_OF_A_LIFE
 from .post_fit_analysis import Simulating
@@ -28,6 +29,10 @@ HELD_OUT = "held-out"
 
 _SAMPLES_PER_STEP = 300
 """Samples of a step that a prediction's curve keeps, for drawing."""
+
+_SAMPLES_OF_DRIVES = 5 * SAMPLES_OF_DRIVES
+"""Samples of all its steps of a varying current: the residual that is drawn shall have the largest error of the table,
+which a curve between fewer samples passes by. It is stored once, where a run stores a curve of each simulation."""
 
 _WIDE = 0.1
 """Share of a signal's measured range: a band of as much predicts next to nothing."""
@@ -344,7 +349,9 @@ def _prediction(
         for band in [_band(simulated, run, experiment, signal, NORMAL_95 * misfits.get(signal.name, 0.0))]
         if band is not None
     }
-    return Prediction(errors, bands, simulated.thinned(_SAMPLES_PER_STEP), spent, at_limit=run.at_limit)
+    return Prediction(
+        errors, bands, simulated.thinned(_SAMPLES_PER_STEP, _SAMPLES_OF_DRIVES), spent, at_limit=run.at_limit
+    )
 
 
 def followed(time: FloatArray, at_limit: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:

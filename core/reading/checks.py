@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import BsaError
-from ..printable import counted
+from ..printable import counted, rounded
 from ..record import ReadOptions, Record
 from ..segmentation import segment
 from ..trajectory import Trajectory
@@ -81,7 +81,9 @@ def _without_offset(samples: Samples, offset_a: float) -> Samples:
     if offset_a == 0.0:
         return samples
     current = np.where(samples.current == 0.0, 0.0, samples.current + offset_a)  # positive on discharge by now
-    return replace(samples, current=current).noted(f"{1e3 * offset_a:.3g} mA are taken off the current, as was asked.")
+    return replace(samples, current=current).noted(
+        f"{rounded(1e3 * offset_a, 3)} mA are taken off the current, as was asked."
+    )
 
 
 def _enough(samples: Samples) -> None:

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..printable import rounded
 from ..record import Record
 from ..segmentation.recognised_protocol import late_s, with_switches
 from ..trajectory import FloatArray, Step, StepKind, Trajectory
@@ -197,9 +198,10 @@ def _problems(record: Record, steps: Sequence[StepRow]) -> Iterator[str]:
         )
     early = [switch for switch in switches(trajectory) if switch.early]
     if early:
+        first_s = rounded(float(trajectory.time[early[0].before + 1]), 6)
         yield (
             f"the voltage steps one sample before the current does (switches: {len(early)}, the first at "
-            f"{trajectory.time[early[0].before + 1]:.6g} s): what the cell showed before is read one sample earlier."
+            f"{first_s} s): what the cell showed before is read one sample earlier."
         )
     yield from _open_charge(trajectory, steps)
     if trajectory.temperature is None:
@@ -224,6 +226,6 @@ def _open_charge(trajectory: Trajectory, steps: Sequence[StepRow]) -> Iterator[s
         charge, at_s = max(found)
         yield (
             f"the current is switched between samples far apart (places: {len(found)}; the most charge between two at "
-            f"{at_s:.6g} s). A step is taken to begin where the one before ended; if it began later, the charge of a "
-            f"step is another by up to {charge:.2g} A.h ({100 * charge / most:.2g} % of the largest)."
+            f"{rounded(at_s, 6)} s). A step is taken to begin where the one before ended; if it began later, the "
+            f"charge of a step is another by up to {charge:.2g} A.h ({100 * charge / most:.2g} % of the largest)."
         )

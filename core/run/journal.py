@@ -162,13 +162,15 @@ def check_run_folder(folder: Path) -> None:
         raise foreign(folder / FILE_NAME, "the journal of a run")
 
 
-def check_calibration(first: Event, path: Path) -> None:
+def check_calibration(
+    first: Event, path: Path, with_a_discovery: str = "bsa discover --resume goes on with it."
+) -> None:
     """Refuse a journal whose first event is not that of a calibration.
 
-    Raises `BsaError` with what goes on with a discovery, where it is one.
+    Raises `BsaError`; where it is that of a discovery, the hint is what can be done with one.
     """
     if first.get("kind") == "discovery":
-        raise BsaError(f"{path} is the journal of a discovery.", "bsa discover --resume goes on with it.")
+        raise BsaError(f"{path} is the journal of a discovery.", with_a_discovery)
     if first.get("event") != "run" or "task" not in first:
         raise BsaError(f"{path} does not begin with a run.", "give the folder of an earlier run.")
 

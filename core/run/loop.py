@@ -27,6 +27,7 @@ from ..proposal import LACKING, Proposal, unusable_replies
 from ..simulation import ExperimentRun, Outcome, SimulationFailure
 from ..task import Task
 from ..task_reduction import TaskReduction
+from ..thinning import SAMPLES_OF_DRIVES
 from ..trajectory import FloatArray
 from ..trial import Phase, Trial, lowest, repeated_by
 from .after_search import AfterSearch, Score, Watching
@@ -315,7 +316,10 @@ class Run:
         metrics = None if reduction is not None else evaluate(self._task, outcome)
         swings = any(signal.oscillates for signal in self._task.observed)
         samples = _SWING_SAMPLES_PER_STEP if swings else _CURVE_SAMPLES_PER_STEP
-        curves = tuple(None if run.trajectory is None else run.trajectory.thinned(samples) for run in outcome.runs)
+        curves = tuple(
+            None if run.trajectory is None else run.trajectory.thinned(samples, SAMPLES_OF_DRIVES)
+            for run in outcome.runs
+        )
         return Trial(
             index=index,
             phase=phase,

@@ -12,12 +12,13 @@ from ...core.printable import shown
 from ...core.reading.part_of_file import file_and_part
 from ...core.run.journal import FILE_NAME, check_run_folder
 from ...core.task import Task
-from ..checked_options import as_numbers, simulation_workers
+from ..checked_options import as_mapping, as_names, as_numbers, simulation_workers
 from ..read_options import readings
 from ..request import RunRequest, run_request
 from ..run_settings import backend_options, given_budgets, run_config
 from ..task_request import CellChoice, Records
 from .calibration_result import CalibrationResult
+from .given_parameters import Parameters, given_parameters
 from .measured import Data, sources
 
 
@@ -38,12 +39,12 @@ def calibrate(
     reader_option: Mapping[str, Any] | None = None,
     temperature: float | Sequence[float] | None = None,
     initial_soc: float | Sequence[float] | None = None,
-    parameters: str | None = None,
+    parameters: Parameters | None = None,
     start_from: str | Path | None = None,
     model: str | None = None,
     options: Mapping[str, Any] | None = None,
     search: str | Mapping[str, Any] | None = None,
-    effect: Sequence[str] | None = None,
+    effect: str | Sequence[str] | None = None,
     ocp: str = "",
     scale: bool = True,
     as_protocol: bool = False,
@@ -86,10 +87,10 @@ def calibrate(
         How files and DataFrames are read; see `read_record`.
     constant_current, current_offset, voltage_lag, temperature : float or sequence of float, optional
         As there; one for all records, or one for each in their order, held-out ones last.
-    parameters : str
-        What to start from; records need it or ``start_from``: a PyBaMM parameter set, a BPX or JSON file, the folder
-        of a run, whose calibrated cell is then the set, or ``"nearest"``: the installed set whose positive electrode a
-        slow record is nearest to.
+    parameters : str, path or pybamm.ParameterValues
+        What to start from; records need it or ``start_from``: a PyBaMM parameter set, by name or loaded, a BPX or JSON
+        file, the folder of a run, whose calibrated cell is then the set, or ``"nearest"``: the installed set whose
+        positive electrode a slow record is nearest to.
     start_from : path, optional
         Folder of a run: begin at its best values, with its parameters, model, options and search where nothing else is
         given.
@@ -100,8 +101,8 @@ def calibrate(
     search : str or mapping, optional
         What is searched: a preset, a YAML file, or parameters with bounds as such a file has them; by default
         ``"cell"``, of a life ``"life"``.
-    effect : sequence of str, optional
-        Effects of the catalogue to add to the model, ``["ocp-hysteresis"]``; their parameters are searched.
+    effect : str or sequence of str, optional
+        Effect, or effects, of the catalogue to add to the model, ``"ocp-hysteresis"``; their parameters are searched.
     ocp : str
         Whose open-circuit potentials to start from: ``"nearest"`` of the installed sets to the records' slow charge or
         discharge, a set, or two with a slash between them for the negative and the positive electrode; by default
@@ -170,7 +171,7 @@ def calibrate(
         from ..another_budget import asked_anew
         from ..run import read_request
 
-        budget = asked_anew(settings or {}, simulations=simulations, rounds=rounds)
+        budget = asked_anew(as_mapping(settings, "--set"), simulations=simulations, rounds=rounds)
         asked = RunRequest(*read_request(Path(resume), budget), Path(resume))
     else:
         if out is not None:
@@ -182,7 +183,7 @@ def calibrate(
         fitted, held = sources(None if named else data, holdout, reads)  # type: ignore[arg-type]
         budgets = given_budgets(rounds=rounds, warm_up=warmup, simulations=simulations, seed=seed)
         reached = backend_options(
-            backend_option or {},
+            as_mapping(backend_option, "--backend-option"),
             via=via,
             base_url=base_url,
             exchange=exchange if exchange is None else Path(exchange),
@@ -196,23 +197,23 @@ def calibrate(
                 held,
                 reads,
                 reader,
-                reader_option or {},
+                as_mapping(reader_option, "--reader-option"),
                 as_numbers(initial_soc, "--initial-soc"),
                 as_protocol,
                 life,
                 fit_cycles,
             ),
             CellChoice(
-                parameters,
+                None if parameters is None else given_parameters(parameters),
                 model,
-                options or {},
+                as_mapping(options, "--options"),
                 search,
                 ocp,
                 scale,
                 None if start_from is None else Path(start_from),
-                effect or (),
+                as_names(effect, "--effect"),
             ),
-            partial(run_config, scaffold, backend, reached, budgets | dict(settings or {})),
+            partial(run_config, scaffold, backend, reached, budgets | dict(as_mapping(settings, "--set"))),
             weight,
             None if out is None else Path(out),
         )

@@ -139,7 +139,7 @@ class CalibrationResult:
             State of charge at which all of them, or each, start; left out, where the fitted cell shows the first
             voltage.
         out : path, optional
-            Folder of the prediction; by default ``predictions/<record>-<n>`` in the run's.
+            New or empty folder of the prediction; by default ``predictions/<record>-<n>`` in the run's.
         workers : int
             Simulations side by side; 0: as many as cores, 4 at most.
         **options
@@ -150,23 +150,28 @@ class CalibrationResult:
         BsaError
             If the data cannot be read, or was fitted.
         """
-        from ..checked_options import as_numbers, simulation_workers
+        from ..checked_options import as_mapping, as_numbers, simulation_workers
+        from ..new_folder import new_folder
         from ..predict import predict_records, write_scores
         from ..read_options import readings
         from ..run_names import named_after, numbered_folder
         from ..task_request import Records
         from .prediction_result import PredictionResult
 
-        reader, reader_option = options.pop("reader", None), options.pop("reader_option", None) or {}
+        reader, reader_option = (
+            options.pop("reader", None),
+            as_mapping(options.pop("reader_option", None), "--reader-option"),
+        )
         unknown = sorted(set(options) - set(READING))
         if unknown:
             raise BsaError(f'there is no option "{unknown[0]}" for reading.', did_you_mean(unknown[0], READING))
         reads = readings(**options)
         given, _ = sources(data, None, reads)
         records = Records(given, (), reads, reader, reader_option, as_numbers(initial_soc, "--initial-soc"))
-        scored = predict_records(self.folder, records.requests(), simulation_workers(workers))
-        folder = Path(out) if out is not None else numbered_folder(self.folder / "predictions", named_after(given))
-        return PredictionResult(folder, write_scores(scored, folder), scored)
+        place = Path(out) if out is not None else numbered_folder(self.folder / "predictions", named_after(given))
+        with new_folder(place) as folder:
+            scored = predict_records(self.folder, records.requests(), simulation_workers(workers))
+            return PredictionResult(folder, write_scores(scored, folder), scored)
 
     def to_json(self) -> dict[str, Any]:
         """The contents of ``result.json``: plain dicts, lists, strings and numbers.

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.errors import BsaError
 from ...core.printable import shown
-from ..checked_options import simulation_workers
+from ..checked_options import as_mapping, as_names, simulation_workers
 from ..read_options import readings
 from ..run_settings import backend_options
 from ..task_request import Records
 from .discovery_result import DiscoveryResult
+from .given_parameters import Parameters, given_parameters
 from .measured import Data, sources
 
 if TYPE_CHECKING:
@@ -38,13 +39,13 @@ def discover(
     temperature: float | Sequence[float] | None = None,
     life: bool = False,
     fit_cycles: int | None = None,
-    parameters: str | None = None,
+    parameters: Parameters | None = None,
     model: str = "DFN",
     options: Mapping[str, Any] | None = None,
     override: Mapping[str, float] | None = None,
     search: str | Mapping[str, Any] = "all",
     scale: bool = True,
-    effect: Sequence[str] | None = None,
+    effect: str | Sequence[str] | None = None,
     effect_option: Mapping[str, Any] | None = None,
     max_effects: int = 2,
     seed: int = 0,
@@ -72,8 +73,9 @@ def discover(
         Whether the record is a cell's whole life, and what is missing is the mechanism that ages it.
     fit_cycles : int, optional
         Of a life fit the first cycles, and hold out the later ones; 60 % of it by default. Implies ``life``.
-    parameters : str
-        What to start from: a PyBaMM parameter set, a BPX or JSON file, or the folder of a run.
+    parameters : str, path or pybamm.ParameterValues
+        What to start from: a PyBaMM parameter set, by name or loaded, a BPX or JSON file, or the folder of a run.
+        Loaded values are written into ``OUT-records``, too.
     model : {'DFN', 'SPMe', 'SPM'}
         Base model.
     options, override : mapping, optional
@@ -82,8 +84,10 @@ def discover(
         What is uncertain about the base model: a preset, a YAML file, or factors by name.
     scale : bool
         Whether the electrode area is scaled to the records' capacity.
-    effect, effect_option : optional
-        Effects to consider (all, if left out), and their options.
+    effect : str or sequence of str, optional
+        Effect, or effects, to consider; all, if left out.
+    effect_option : mapping, optional
+        Options of effects.
     max_effects : int
         Effects in one explanation at most.
     seed, workers : int
@@ -126,18 +130,20 @@ def discover(
     if not fitted:
         raise BsaError("data is empty.", "give one record at least.")
     asked = discover_options(
-        Records(fitted, held, reads, reader, dict(reader_option or {}), life=life, fit_cycles=fit_cycles),
+        Records(
+            fitted, held, reads, reader, as_mapping(reader_option, "--reader-option"), life=life, fit_cycles=fit_cycles
+        ),
         None if out is None else Path(out),
-        parameters=parameters,
+        parameters=given_parameters(parameters),
         model=model,
-        options=dict(options or {}),
-        overrides=dict(override or {}),
+        options=dict(as_mapping(options, "--options")),
+        overrides=dict(as_mapping(override, "--override")),
         scale=scale,
         search=search,
-        effects=None if effect is None else list(effect),
-        effect_options=dict(effect_option or {}),
+        effects=None if effect is None else as_names(effect, "--effect"),
+        effect_options=dict(as_mapping(effect_option, "--effect-option")),
         backend=backend,
-        backend_options=backend_options(backend_option or {}, via=via, base_url=base_url),
+        backend_options=backend_options(as_mapping(backend_option, "--backend-option"), via=via, base_url=base_url),
         max_effects=max_effects,
         seed=seed,
     )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from ...core.errors import BsaError
 from ...core.printable import shown, with_article
 from ...core.record import ReadOptions, Record
-from ..checked_options import FIELDS
+from ..checked_options import FIELDS, as_mapping
 from ..read_options import one_each, reading, readings
 
 if TYPE_CHECKING:
@@ -92,7 +92,10 @@ def read_record(
         from ...core.reading.reading import read_record as read_file
 
         return read_file(
-            data if isinstance(data, str | Path) else files, options, reader=reader, reader_options=reader_option or {}
+            data if isinstance(data, str | Path) else files,
+            options,
+            reader=reader,
+            reader_options=as_mapping(reader_option, "--reader-option"),
         )
     return _read_frame(data, options, name or "DataFrame")
 

@@ -43,6 +43,11 @@ class PredictionResult:
         }
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What was assumed or repaired of the records, and what is worth noticing."""
+        return self._scored.notes
+
+    @property
     def spectra(self) -> dict[str, dict[str, Any]]:
         """By impedance spectrum: ohmic resistance and arcs, measured and simulated, and the error, in mohm."""
         predicted = [one.errors for one in self._scored.predictions]
@@ -54,7 +59,7 @@ class PredictionResult:
 
     def __repr__(self) -> str:
         rows = error_rows(self._scored.run.task, (), self._scored.predictions)
-        return f"<PredictionResult {'; '.join(row.line for row in rows)}; {self.report}>"
+        return f"<PredictionResult {'; '.join([*(row.line for row in rows), *self.notes])}; {self.report}>"
 
     def _repr_html_(self) -> str:
         task = self._scored.run.task

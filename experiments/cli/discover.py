@@ -16,6 +16,7 @@ from . import shared_options as shared
 from .exit_codes import STOPPED
 from .option_groups import with_options
 from .progress import printable
+from .resumable import resumable
 
 if TYPE_CHECKING:
     from ..discovery_case import DiscoverOptions
@@ -133,25 +134,34 @@ def _carry_out(asked: DiscoverOptions, workers: int, as_json: bool) -> None:
     from ...core.messages import Outage
     from ..checked_options import simulation_workers
     from ..discover import discover as find
+    from ..report.discovery_lines import found_lines
 
-    print(f"discovery → {asked.out}", file=sys.stderr)
-
+    go_on = f"bsa discover --resume {shlex.quote(str(asked.out))}"
     try:
-        found = find(asked, _say, simulation_workers(workers))
+        with resumable(asked.out, go_on):
+            found = find(asked, _Said(f"discovery → {asked.out}"), simulation_workers(workers))
     except (KeyboardInterrupt, Outage) as stopped:
         why = "interrupted" if isinstance(stopped, KeyboardInterrupt) else printable(str(stopped), 400)
-        print(f"Stopped: {why}. Go on with: bsa discover --resume {shlex.quote(str(asked.out))}", file=sys.stderr)
+        print(f"Stopped: {why}. Go on with: {go_on}", file=sys.stderr)
         raise typer.Exit(STOPPED["interrupted" if isinstance(stopped, KeyboardInterrupt) else "outage"]) from None
     if as_json:
         print(json.dumps(found.to_json(), indent=1, allow_nan=False))
         return
     print(f"verdict: {found.verdict}")
     print(f"  {found.headline}")
-    for name in found.names:
-        print(f"  {printable(name)}")
+    for line in found_lines(found):
+        print(f"  {printable(line, 300)}")
     print(f"  {printable(found.findings.reason, 1500)}")
     print(f"  report: {asked.out / 'report.html'}")
 
 
-def _say(text: str) -> None:
-    print(printable(text, 1500), file=sys.stderr, flush=True)
+class _Said:
+    """Prints what is being done, below a title: with the first line the options are known to be right."""
+
+    def __init__(self, title: str) -> None:
+        self._title = title
+
+    def __call__(self, text: str) -> None:
+        title, self._title = self._title, ""
+        for line in (title, text) if title else (text,):
+            print(printable(line, 1500), file=sys.stderr, flush=True)

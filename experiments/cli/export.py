@@ -12,7 +12,9 @@ def export(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a finished run.")],
     to: Annotated[
         Literal["bpx", "parameter-values"],
-        shared.output_option(metavar="FORMAT", help="bpx, or parameter-values (PyBaMM's own JSON)."),
+        shared.output_option(
+            metavar="FORMAT", case_sensitive=False, help="bpx, or parameter-values (PyBaMM's own JSON)."
+        ),
     ],
     out: Annotated[
         Path | None, shared.output_option(metavar="FILE", help="The file; by default in the run's folder.")

@@ -25,24 +25,28 @@ def predict(
     workers: shared.SimulationWorkers = 0,
     out: Annotated[
         Path | None,
-        shared.output_option(metavar="FOLDER", help="Folder of the prediction; default: RUN/predictions/<record>-<n>."),
+        shared.output_option(metavar="FOLDER", help="New or empty folder; default: RUN/predictions/<record>-<n>."),
     ] = None,
     as_json: Annotated[bool, shared.output_option("--json", help="Print prediction.json to standard output.")] = False,
 ) -> None:
     """Score records that a run did not fit, with a 95 % band of what its parameters leave open and of its misfit."""
     from ..checked_options import simulation_workers
+    from ..new_folder import new_folder
     from ..predict import predict_records, write_scores
     from ..report.records import error_rows
     from ..run_names import named_after, numbered_folder
     from ..task_request import Records
-    from .progress import PlainProgress, printable
+    from .progress import PlainProgress, note_line, printable
 
     records = Records(data, (), reading.options(), reading.reader, reading.reader_options, initial_soc or ())
-    scored = predict_records(run, records.requests(), simulation_workers(workers), PlainProgress(""))
-    page = write_scores(scored, out or numbered_folder(run / "predictions", named_after(data)))
+    with new_folder(out or numbered_folder(run / "predictions", named_after(data))) as folder:
+        scored = predict_records(run, records.requests(), simulation_workers(workers), PlainProgress(""))
+        page = write_scores(scored, folder)
     if as_json:
         print(json.dumps(scored.to_json(), indent=2))
         return
+    for note in scored.notes:
+        print(note_line(note), file=sys.stderr)
     if scored.run.analysis is None and len(scored.run.trials) > 1:
         find_out = f"to find out: bsa-run --resume {shlex.quote(str(run))}"
         print(f"note: no 95 % band: the run has not looked for what its record fixes; {find_out}", file=sys.stderr)

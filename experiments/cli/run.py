@@ -20,6 +20,7 @@ from . import shared_options as shared
 from .discover_command import discover_command
 from .exit_codes import INTERRUPTED, STOPPED
 from .option_groups import with_options
+from .resumable import resumable
 
 if TYPE_CHECKING:
     from ...core.run.loop import RunResult
@@ -258,9 +259,8 @@ def _execute(
     if config.backend == "rules":
         backend = NoModelTold(backend, listener.noted)
     go_on = _resume_command(folder, identifiability)
-    written = _journal_size(folder)
     try:
-        with listener:
+        with resumable(folder, go_on), listener:
             result = execute_run(
                 task,
                 config,
@@ -277,11 +277,6 @@ def _execute(
             print(f"Stopped: interrupted. Go on with: {go_on}", file=sys.stderr)
             raise typer.Exit(INTERRUPTED) from None
         raise
-    except BsaError as error:
-        if _journal_size(folder) <= written:
-            raise
-        # What was simulated before the error stands.
-        raise BsaError(error.message, f"{_sentence(error.hint)}Then go on with: {go_on}") from error
     if as_json:
         print(json.dumps(summary(task, config, backend.name, result), indent=2))
     else:
@@ -295,16 +290,6 @@ def _execute(
             f"Stopped: interrupted. The search is finished; go on with what follows it with: {go_on}", file=sys.stderr
         )
         raise typer.Exit(INTERRUPTED)
-
-
-def _journal_size(folder: Path) -> int:
-    path = folder / FILE_NAME
-    return path.stat().st_size if path.is_file() else 0
-
-
-def _sentence(hint: str) -> str:
-    """A hint with its end, before another sentence; empty where there is none."""
-    return f"{hint}{'' if hint.endswith(('.', '?')) else '.'} " if hint else ""
 
 
 def _resume_command(folder: Path, identifiability: bool = True) -> str:

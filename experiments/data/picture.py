@@ -6,9 +6,11 @@ from typing import Any
 import numpy as np
 
 from ...core.files import replacing
+from ...core.printable import rounded
 from ...core.reading.summary import CycleRow, summary
 from ...core.record import Record
 from ...core.spectrum import ImpedanceSpectrum
+from ...core.thinning import SAMPLES_OF_DRIVES
 
 _SAMPLES_A_STEP = 400
 _CYCLES = 4
@@ -38,11 +40,15 @@ def draw(found: Record | ImpedanceSpectrum, path: Path, listed: str = "") -> Non
 def _nyquist(figure: Any, found: ImpedanceSpectrum) -> None:
     axes = figure.add_subplot()
     axes.plot(1e3 * found.impedance.real, -1e3 * found.impedance.imag, "o-", markersize=3)
+    middle = 0.5e3 * float(found.impedance.real.min() + found.impedance.real.max())
     for decade in range(-4, 6):
         k = int(np.argmin(np.abs(np.log10(found.frequency) - decade)))
         if abs(np.log10(found.frequency[k]) - decade) < 0.2:
             place = 1e3 * found.impedance[k].real, -1e3 * found.impedance[k].imag
-            axes.annotate(f"{found.frequency[k]:.2g} Hz", place, fontsize=8, xytext=(4, 4), textcoords="offset points")
+            # On the side of the middle, so that no label crosses the frame.
+            side, text = (-1, "right") if place[0] > middle else (1, "left")
+            label = f"{rounded(float(found.frequency[k]), 2)} Hz"
+            axes.annotate(label, place, fontsize=8, ha=text, xytext=(4 * side, 4), textcoords="offset points")
     axes.set_xlabel("Re Z [mohm]")
     axes.set_ylabel("-Im Z [mohm]")
     axes.set_aspect("equal", "datalim")
@@ -50,7 +56,8 @@ def _nyquist(figure: Any, found: ImpedanceSpectrum) -> None:
 
 
 def _signals(figure: Any, found: Record) -> None:
-    trajectory = found.trajectory.thinned(max(2, min(_SAMPLES_A_STEP, 200_000 // max(1, len(found.trajectory.steps)))))
+    most = max(2, min(_SAMPLES_A_STEP, 200_000 // max(1, len(found.trajectory.steps))))
+    trajectory = found.trajectory.thinned(most, SAMPLES_OF_DRIVES)
     cycles = summary(found).cycles
     curves = [("Voltage [V]", trajectory.voltage), ("Current [A]\n(positive on charge)", -trajectory.current)]
     if trajectory.temperature is not None:

@@ -14,7 +14,8 @@ from .thinning import thin_curve
 from .wording import number
 
 WIDTH, LEFT, RIGHT, TOP, BOTTOM, GAP = 880.0, 64.0, 14.0, 8.0, 40.0, 16.0
-MOST_POINTS = 400
+MOST_POINTS = 2000
+"""Points of a drawn curve at most: four for each place along x that `thin_curve` tells apart; smooth ones have few."""
 _FAR = 5000.0
 
 

@@ -88,3 +88,17 @@ def starting_soc(cell: CellModel, request: RecordRequest, record: Record, ambien
         voltage, _ = open_circuit_start(record.trajectory)
     low, soc, high = (soc_at_voltage(cell, voltage + d, ambient_k) for d in (-NEAR_POTENTIALS_V, 0, NEAR_POTENTIALS_V))
     return soc if high - low <= _KNOWN_SOC else None
+
+
+def other_size_note(record: Record, values: Any, capacity_ah: float) -> str:
+    """That a record which is not fitted holds another charge than the cell that is to predict it; empty if it does not.
+
+    A prediction scales nothing: a record of another cell is off by the charge alone.
+    """
+    spans = [span_ah(cycle) for cycle in whole_cycles([record], values)]
+    if not spans or _SAME_SIZE[0] <= max(spans) / capacity_ah <= _SAME_SIZE[1]:
+        return ""
+    return (
+        f"the record holds {max(spans):.3g} A.h, the cell of the fit {capacity_ah:.3g} A.h, nominally: is it a record "
+        "of this cell?"
+    )

@@ -24,13 +24,15 @@ _LARGEST_FILE = 2**24
 """Bytes of a parameter file at most: a thousand times what BPX files have."""
 
 
-def parameter_source(given: str) -> ParameterSource:
+def parameter_source(given: ParameterSource) -> ParameterSource:
     """What ``--parameters`` means.
 
-    The name of an installed set, a JSON file (BPX, or PyBaMM's parameter values), a run's folder, or the
-    ``best_parameters.json`` in one. A name of an installed set, or ``"nearest"``, is never a folder: ``./Chen2020``
-    is one. Raises `BsaError` if a file or a run cannot be read.
+    A parameter file that is read already stays as it is. Text is the name of an installed set, a JSON file (BPX, or
+    PyBaMM's parameter values), a run's folder, or the ``best_parameters.json`` in one. A name of an installed set, or
+    ``"nearest"``, is never a folder: ``./Chen2020`` is one. Raises `BsaError` if a file or a run cannot be read.
     """
+    if isinstance(given, ParameterFile):
+        return given
     path = Path(given)
     run = _run_at(path)
     if run is not None and not _names_a_set(given):

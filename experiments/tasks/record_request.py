@@ -106,6 +106,10 @@ def parse_cycles(text: str) -> tuple[int, int]:
     """``"3"`` or ``"2-5"`` as a first and a last cycle. Raises `BsaError` if the text is neither."""
     first, _, last = text.partition("-")
     try:
-        return int(first), int(last or first)
+        begin, end = int(first), int(last or first)
     except ValueError:
         raise BsaError(f'"{text}" is not a range of cycles.', 'write "3" or "2-5".') from None
+    if not 1 <= begin <= end:
+        hint = f'write "{end}-{begin}".' if 1 <= end < begin else 'cycles count from 1: write "3" or "2-5".'
+        raise BsaError(f'"{text}" is not a range of cycles.', hint)
+    return begin, end

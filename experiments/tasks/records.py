@@ -19,6 +19,7 @@ from ...core.target import INITIAL_SOC, InitialSoc, soc_name
 from ...core.task import CellModel, Experiment, ParameterSource, Task
 from ...core.trajectory import Trajectory
 from .cell_for_records import ISOTHERMAL, THERMAL, warms_by
+from .cell_size import other_size_note
 from .measured_cell import CellRequest, MeasuredCell, measured_cell, searched_space
 from .record_request import RECOGNISED, RecordRequest
 from .record_start import open_circuit_start, with_room_for
@@ -230,6 +231,7 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
     experiments = [_held_out(request, record) for request, record in zip(requests, loaded, strict=True)]
     for record, experiment in zip(loaded, experiments, strict=True):
         notes += start_note(f"{record.name} (held out)", record.trajectory, experiment)
+    notes += _other_sizes(task.cell, loaded)
     notes += [
         f"{e.name} (held out): begins under load; it is started so that the fitted cell meets its first percent, or at "
         "its first sample if that turns out to be from before the load."
@@ -240,6 +242,18 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
     experiments += [spectrum_experiment(request) for request in spectra]
     notes += [note for request in spectra for note in spectrum_notes(request, " (held out)")]
     return replace(task, held_out=(*task.held_out, *experiments), notes=(*task.notes, *notes))
+
+
+def _other_sizes(cell: CellModel, records: Sequence[Record]) -> list[str]:
+    """Which records hold clearly more or less charge than the cell that is to predict them."""
+    if not cell.parameter_set or not records:
+        return []
+    from ...plugins.pybamm.nameplate import nominal_capacity_ah
+    from ...plugins.pybamm.parameter_sets import load
+
+    values, capacity_ah = load(cell.parameter_set), nominal_capacity_ah(cell.parameter_set, cell.overrides)
+    said = ((record.name, other_size_note(record, values, capacity_ah)) for record in records)
+    return [f"{name} (held out): {note}" for name, note in said if note]
 
 
 def _held_out(request: RecordRequest, record: Record) -> Experiment:

@@ -4,20 +4,26 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
+from ...core.errors import unknown
+from ...core.printable import shown
 from .parameter_sets import pybamm
 
 
 def in_pybamm_spelling(options: Mapping[str, Any]) -> dict[str, Any]:
     """Options with names and values as PyBaMM has them, whatever their case; true and false as words.
 
-    ``{"Contact resistance": True, "sei": "Reaction Limited"}``; a pair is one value for each electrode. What PyBaMM
-    does not know stays as it is: PyBaMM names the nearest option when the model is built.
+    ``{"Contact resistance": True, "sei": "Reaction Limited"}``; a pair is one value for each electrode. A value that
+    PyBaMM does not know stays as it is: PyBaMM names those that it has when the model is built. Raises `BsaError` if
+    there is no option of such a name.
     """
     known = _known()
     result: dict[str, Any] = {}
     for name, value in options.items():
-        own = known.get(str(name).casefold(), (str(name), {}))
-        result[own[0]] = _value(value, own[1])
+        own, values = known.get(str(name).casefold(), ("", {}))
+        if not own:
+            names = [known_name for known_name, _ in known.values()]
+            raise unknown(f'PyBaMM has no model option "{shown(name)}".', str(name), names, "options: {}.")
+        result[own] = _value(value, values)
     return result
 
 

@@ -1,7 +1,7 @@
 """Texts that are fit for a message."""
 
 import pytest
-from bsa.core.printable import counted, were, with_article
+from bsa.core.printable import counted, rounded, were, with_article
 
 
 def test_numbers_of_things_agree_with_their_noun_and_verb():
@@ -17,3 +17,12 @@ def test_numbers_of_things_agree_with_their_noun_and_verb():
 )
 def test_an_article_goes_with_the_first_letter(noun: str, words: str) -> None:
     assert with_article(noun) == words
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "words"),
+    [(520.0, 2, "520"), (5.0e3, 1, "5,000"), (7403110.0, 6, "7,403,110"), (0.0325, 2, "0.033"), (-22.0, 1, "-20")],
+)
+def test_large_numbers_are_written_out(value: float, digits: int, words: str) -> None:
+    assert rounded(value, digits) == words
+    assert rounded(value, digits, sign=True) == (words if value < 0 else f"+{words}")

@@ -36,3 +36,13 @@ def test_a_thinned_record_keeps_what_stands_out_and_no_rounding() -> None:
     assert thin.voltage.min() == 3.6
     assert len(thin) < 40  # the even half, and the three corners of the spike
     assert thin.steps == (Step(StepKind.DRIVE, 0, len(thin)),)
+
+
+def test_steps_of_a_varying_current_share_samples_by_their_length() -> None:
+    time = np.arange(6000.0)
+    current = np.where(np.arange(6000) % 7 == 0, 5.0, 0.0)
+    kinds = ((StepKind.DRIVE, 0, 4000), (StepKind.CC_DISCHARGE, 4000, 5000), (StepKind.DRIVE, 5000, 6000))
+    record = Trajectory(time, current, 4.0 - time / 6000, None, tuple(Step(*kind) for kind in kinds))
+    thin = record.thinned(60, 1000)
+    assert [step.stop - step.start for step in thin.steps] == [800, 60, 200]
+    assert [step.stop - step.start for step in record.thinned(60).steps] == [60, 60, 60]

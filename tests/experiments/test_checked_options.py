@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from bsa.core.errors import BsaError
-from bsa.experiments.checked_options import as_numbers, simulation_workers
+from bsa.experiments.checked_options import as_names, as_numbers, simulation_workers
 from bsa.experiments.read_options import reading, readings
 
 
@@ -22,6 +22,9 @@ from bsa.experiments.read_options import reading, readings
         ({"column": {"volt": "U"}}, '--column volt=U: there is no signal "volt"', "Signals: time, voltage, current"),
         ({"column": {"frequncy": "f"}}, 'there is no signal "frequncy"', 'did you mean "frequency"? Signals: time'),
         ({"unit": {"frequency": "Hz"}}, 'there is no signal "frequency"', "Signals: time, voltage, current"),
+        ({"column": "voltage=U"}, "--column is 'voltage=U', which has no keys", "give a mapping, {'voltage': 'U'}"),
+        ({"where": ["cell=1"]}, "--where is ['cell=1'], which has no keys", "give a mapping, {'cell': '1'}"),
+        ({"unit": "mA"}, "--unit is 'mA', which has no keys", "give a mapping, {'KEY': 'VALUE'}"),
         ({"unit": {"curent": "A"}}, '--unit curent=A: there is no signal "curent"', 'did you mean "current"? Signals'),
     ],
 )
@@ -40,6 +43,14 @@ def test_one_number_several_or_none():
     assert as_numbers((1, "2"), "--x") == [1.0, 2.0]
     with pytest.raises(BsaError, match="--x is True"):
         as_numbers(True, "--x")
+
+
+def test_one_name_is_a_list_of_one():
+    assert as_names("heat", "--x") == ["heat"]
+    assert as_names(("heat", "cracks"), "--x") == ["heat", "cracks"]
+    assert as_names(None, "--x") == []
+    with pytest.raises(BsaError, match="--x is 3, which is no name"):
+        as_names(["heat", 3], "--x")
 
 
 def test_a_number_of_each_record_is_checked_once(monkeypatch):

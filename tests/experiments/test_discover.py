@@ -22,6 +22,7 @@ from bsa.experiments.discovery_case import DiscoverOptions, read_case, spreads_o
 from bsa.experiments.discovery_journal import opened, read_options
 from bsa.experiments.discovery_setup import set_up
 from bsa.experiments.run import read_request
+from bsa.experiments.run_record import read_run
 from bsa.plugins.pybamm.augmented_script import augmented_script
 from bsa.plugins.pybamm.export import parameter_values_json
 from bsa.plugins.pybamm.parameter_sets import pybamm
@@ -83,7 +84,7 @@ def test_what_was_assumed_of_the_records_is_told_before_anything_is_simulated(tm
     def stopped(*_arguments):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("bsa.experiments.discover.set_up", stopped)
+    monkeypatch.setattr("bsa.experiments.discover.discover_on", stopped)
     asked = {"data": [half_discharge(tmp_path / "cell.csv", 0.0)], "parameters": "Chen2020", "model": "SPM"}
     heard = []
     with pytest.raises(KeyboardInterrupt):
@@ -145,7 +146,7 @@ def test_files_of_one_cell_are_one_record_and_parameters_come_from_a_file(tmp_pa
     assert {Path(name).name for name in kept["records"]} == {"a.csv", "b.csv", "set.json"}
     file.write_text("{}")
     with (
-        pytest.raises(BsaError, match="other records"),
+        pytest.raises(BsaError, match="is not what it was when"),
         opened(DiscoverOptions(**asked, out=tmp_path / "out")),
     ):
         pass
@@ -174,6 +175,25 @@ def test_a_journal_from_before_an_option_was_there_is_resumed(tmp_path):
     file.write_text(content.replace('"life":false,', ""))
     with opened(read_options(tmp_path / "out")) as journal:
         assert len(journal.earlier) == 2
+
+
+def test_a_resumed_discovery_names_the_file_that_has_changed(tmp_path):
+    files = [half_discharge(tmp_path / name, 0.0) for name in ("a.csv", "b.csv")]
+    options = DiscoverOptions(data=files, parameters="Chen2020", out=tmp_path / "out")
+    with opened(options) as journal:
+        journal.file.append("end", status="")
+    with pytest.raises(BsaError, match="other options") as refused, opened(options.model_copy(update={"model": "SPM"})):
+        pass
+    assert "bsa discover --resume" in refused.value.hint
+    (tmp_path / "b.csv").write_text((tmp_path / "b.csv").read_text() + "\n")
+    with (
+        pytest.raises(BsaError, match="is not what it was when") as refused,
+        opened(read_options(tmp_path / "out")),
+    ):
+        pass
+    assert "b.csv" in refused.value.message
+    assert "a.csv" not in refused.value.message
+    assert "--resume" not in refused.value.hint
 
 
 @pytest.mark.slow
@@ -230,7 +250,7 @@ def test_a_hidden_resistance_is_found_from_files(tmp_path):
     with pytest.raises(BsaError, match="other options"):
         discover(options.model_copy(update={"max_effects": 1}))
     (tmp_path / "a.csv").write_text((tmp_path / "held.csv").read_text())
-    with pytest.raises(BsaError, match="other records"):
+    with pytest.raises(BsaError, match="is not what it was when"):
         discover(options)
 
 
@@ -249,3 +269,7 @@ def test_the_folder_of_a_calibration_is_not_resumed_as_a_discovery_nor_the_rever
     with pytest.raises(BsaError, match="discovery") as caught:
         read_request(tmp_path / "discovery")
     assert "bsa discover --resume" in caught.value.hint
+    with pytest.raises(BsaError, match="discovery") as caught:
+        read_run(tmp_path / "discovery")
+    assert "augmented_model.py" in caught.value.hint
+    assert "bsa run --data FILE --parameters NAME --effect EFFECT" in caught.value.hint

@@ -130,6 +130,8 @@ def test_ctrl_c_says_how_it_goes_on_and_the_rest_is_printed_as_json(
     toy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "found"
+    task = replace(life_task(life(CYCLES, 0.1)), notes=("starts full",))
+    monkeypatch.setattr(discover_life, "read_life", lambda options: task)
     monkeypatch.setattr(ToyLives, "most", 12)
     start = ["bsa", "discover", "--data", str(toy), "--fit-cycles", "120", "--parameters", "Chen2020"]
     monkeypatch.setattr(sys, "argv", [*start, "--out", str(folder)])
@@ -149,7 +151,12 @@ def test_ctrl_c_says_how_it_goes_on_and_the_rest_is_printed_as_json(
     monkeypatch.setattr(sys, "argv", ["bsa", "discover", "--resume", str(folder)])
     with pytest.raises(SystemExit):
         main()
-    assert f"verdict: effect-found\n  {content['headline']}\n  linear\n" in capsys.readouterr().out
+    said = capsys.readouterr()
+    assert f"verdict: effect-found\n  {content['headline']}\n  linear: " in said.out
+    assert "95 % interval" in said.out
+    assert "Later cycles: " in said.out
+    assert content["notes"] == ["starts full"]
+    assert "note: starts full\n" in said.err
 
 
 def test_the_python_function_shows_what_was_found(toy: Path, tmp_path: Path) -> None:

@@ -100,6 +100,33 @@ def test_the_command_predicts_and_takes_a_state_of_charge(fitted, tmp_path) -> N
     assert rms < 2.0
 
 
+def test_a_prediction_is_neither_overwritten_nor_simulated_without_a_place(fitted, tmp_path, monkeypatch) -> None:
+    (tmp_path / "discovery.json").write_text("{}")
+    monkeypatch.setattr("bsa.experiments.predict.predict_records", lambda *arguments: pytest.fail("it was simulated"))
+    (tmp_path / "half.csv").write_text("x")
+    arguments = ["predict", str(fitted.folder), "--data", str(tmp_path / "half.csv"), "--out", str(tmp_path)]
+    refused = CliRunner().invoke(app(), arguments)
+    assert isinstance(refused.exception, BsaError)
+    assert "is not empty; nothing was written" in refused.exception.message
+    with pytest.raises(BsaError, match="is not empty"):
+        fitted.predict(bsa.read_record(measured(0.5, 20), name="half"), out=tmp_path)
+
+
+def test_a_record_of_a_cell_of_another_size_is_asked_about(fitted, tmp_path) -> None:
+    hours = np.linspace(0.0, 1.0, 120)
+    record = {"Time [s]": 3600.0 * hours, "Current [A]": -1.0, "Voltage [V]": 4.15 - 1.6 * hours**4}
+    path = tmp_path / "other.csv"
+    pandas.DataFrame(record).to_csv(path, index=False)
+    arguments = ["predict", str(fitted.folder), "--data", str(path), "--out", str(tmp_path / "p"), "--workers", "1"]
+    result = CliRunner().invoke(app(), arguments)
+    assert result.exit_code == 0, result.output
+    words = "the record holds 1 A.h, the cell of the fit 5 A.h, nominally: is it a record of this cell?"
+    assert f"note: other.csv (held out): {words}" in result.stderr
+    of_size = fitted.predict(bsa.read_record(measured(0.5, 20), name="half"), workers=1)
+    assert not any("holds" in note for note in of_size.notes)
+    assert f"other.csv (held out): {words}" in json.loads((tmp_path / "p" / "prediction.json").read_text())["notes"]
+
+
 def test_a_spectrum_is_compared_with_the_fitted_cell(fitted, tmp_path) -> None:
     frequency = np.logspace(3, -2, 12)
     table = {"Frequency [Hz]": frequency, "Zreal [ohm]": 0.02 + 0.01 / (1 + frequency / 10), "Zimag [ohm]": -1e-3}

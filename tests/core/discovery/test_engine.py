@@ -51,6 +51,39 @@ def test_progress_never_says_that_no_simulation_is_left_where_more_follow():
     assert lines[place + 1].startswith("at most ")
 
 
+@pytest.mark.parametrize("simulator", [toy.ToySimulator, toy.TwoFidelities])
+def test_the_last_that_is_said_of_an_effect_is_what_the_verdict_says(simulator):
+    lines = []
+    problem, space = toy.problem(np.random.default_rng(0), {"quadratic": 0.01, "sign": 0.015})
+    problem.simulator = simulator()
+    found = Engine(problem, space, CATALOGUE, toy.EVIDENCE, listener=lines.append).run()
+    for explanation in found.explanations:
+        line = next(line for line in reversed(lines) if line.startswith(f"  {explanation.label}: "))
+        assert f"{1e3 * explanation.rmse_v:.2f} mV, held out {1e3 * explanation.held_rmse_v:.2f} mV" in line
+        margin = round(bic_difference(found.base, explanation))
+        assert f"by {abs(margin)}" in line
+    assert not any("fitting 0 effects" in line for line in lines)
+    (base,) = (line for line in lines if line.startswith("base model: "))
+    assert "held out" in base
+
+
+def test_a_likelier_explanation_with_a_larger_error_says_why(monkeypatch):
+    problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
+    said = []
+    fitter = Fitter(problem, space, Settings(), said.append)
+    base = fitted(fitter, (), 2)
+    monkeypatch.setattr("bsa.core.discovery.fitting.bic_difference", lambda *pair: 7.4)
+    fitter.tell(base, replace(base, rmse_v=2 * base.rmse_v))
+    fitter.tell(base, replace(base, rmse_v=base.rmse_v))
+    monkeypatch.setattr("bsa.core.discovery.fitting.bic_difference", lambda *pair: -0.3)
+    fitter.tell(base, base)
+    fitter.tell(base, base, unless_told=True)
+    assert len(said) == 3
+    assert "BIC better by 7, though the error is larger than the base model's" in said[0]
+    assert said[1].endswith("BIC better by 7")
+    assert said[2].endswith("BIC as that of the base model")
+
+
 def test_what_the_parameters_imitate_is_no_missing_effect():
     findings = run({"second-resistance": 0.02}, catalogue=(*CATALOGUE, toy.IMITATED))
     assert findings.verdict == "no-missing-effect"

@@ -63,6 +63,23 @@ def test_a_discovery_that_is_done_simulates_nothing_again(tmp_path):
     assert before.startswith(f"{after.removesuffix('; more may follow')}: about ")
 
 
+def test_only_what_is_simulated_is_counted(tmp_path):
+    counts = []
+    journal = Journal(tmp_path)
+    simulator = RecordedSimulator(Counting(), Prediction, journal, counted=counts.append)
+    time = np.arange(3.0)
+    record = toy.measured_record("x", np.random.default_rng(0), {})
+    one, other = (Request((), {"a": size}, record, Moments.single(time, time)) for size in (1.0, 2.0))
+    try:
+        simulator._inner.predict = lambda requests: [None for _ in requests]
+        simulator.predict([one])
+        simulator.predict([one, other])
+        simulator.predict([other])
+    finally:
+        journal.close()
+    assert counts == [1, 1]
+
+
 def test_what_fails_and_what_is_refused_stands_in_the_journal(tmp_path):
     class Failing(Counting):
         def predict(self, requests):

@@ -108,6 +108,9 @@ def test_an_interrupted_run_says_how_it_goes_on_and_does(tmp_path, monkeypatch, 
         (DEMO, {"parameters": "Chen2020", "search": "no-such"}, "no-such"),
         (DEMO, {"parameters": "Chen2020", "current_sign": "sideways"}, "current_sign"),
         ("demo", {"settings": {"patienc": 3}}, "patienc"),
+        ("demo", {"settings": "patience=3"}, "give a mapping, {'patience': '3'}"),
+        (DEMO, {"parameters": "Chen2020", "options": ["thermal=lumped"]}, "--options is"),
+        (DEMO, {"parameters": "Chen2020", "effect": "contact-resistence"}, 'no effect "contact-resistence"'),
     ],
 )
 def test_a_mistake_is_one_line_and_leaves_nothing(data, options, words, tmp_path) -> None:

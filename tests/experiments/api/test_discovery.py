@@ -6,12 +6,15 @@ import json
 import bsa
 import numpy as np
 import pandas as pd
+import pybamm
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.messages import Outage
 from bsa.experiments.cli.discover import discover as command
 from bsa.experiments.discovery_journal import opened
 from bsa.experiments.tasks.find import PACKAGED
+from bsa.experiments.tasks.parameter_source import parameter_source
+from bsa.plugins.pybamm.parameter_sets import load
 
 DEMO = PACKAGED / "demo.csv"
 
@@ -32,6 +35,8 @@ def test_options_and_their_defaults_are_those_of_the_command() -> None:
         ([], {"parameters": "Chen2020"}, "data is empty"),
         (3, {"parameters": "Chen2020"}, "int is no record"),
         ("no_such.csv", {"parameters": "Chen2020"}, "no_such.csv"),
+        (DEMO, {"parameters": "Chen2020", "options": ["thermal=lumped"]}, "--options is"),
+        (DEMO, {"parameters": "Chen2020", "override": "x=1"}, "--override is"),
         (DEMO, {"parameters": "Chen2020", "max_effects": 9}, "max_effects"),
         (DEMO, {"parameters": "Chen2020", "fit_cycles": 0}, "fit_cycles"),
         (DEMO, {"parameters": "Chen2020", "life": True, "holdout": DEMO}, "--holdout cannot be given with --life"),
@@ -125,6 +130,22 @@ def test_a_hidden_resistance_is_found_and_shown(resistive_cell, tmp_path) -> Non
     assert model.options["contact resistance"] == "true"
     assert values["Lower voltage cut-off [V]"] == 2.5
     assert bsa.discover(resume=found.folder, progress=False).parameters == found.parameters
+
+
+def test_loaded_parameter_values_become_a_file_beside_the_discovery(tmp_path, monkeypatch) -> None:
+    asked = []
+    monkeypatch.setattr("bsa.experiments.api.discovery._carried_out", lambda options, *others: asked.append(options))
+    bsa.discover(DEMO, parameters=pybamm.ParameterValues("Marquis2019"), out=tmp_path / "found")
+    source = parameter_source(asked[0].parameters)
+    assert asked[0].parameters == str(tmp_path / "found-records" / "parameters.json")
+    assert load(source)["Electrode width [m]"] == 0.207
+
+
+def test_one_effect_may_stand_without_a_list(tmp_path, monkeypatch) -> None:
+    asked = []
+    monkeypatch.setattr("bsa.experiments.api.discovery._carried_out", lambda options, *others: asked.append(options))
+    bsa.discover(DEMO, parameters="Chen2020", effect="contact-resistance", out=tmp_path / "found")
+    assert asked[0].effects == ["contact-resistance"]
 
 
 def test_each_record_is_read_as_it_is_said_in_its_place(tmp_path, monkeypatch) -> None:

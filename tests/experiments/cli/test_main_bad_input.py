@@ -53,7 +53,14 @@ COMMANDS = [
     (["--backend", "replay:nowhere"], "nowhere", ""),
     (["--set", "patience"], '"patience" is not key=value', 'write --set "key=value"'),
     (["--set", "patiense=3"], "patiense", ""),
-    (["--set", "patience=soon"], '"patience" is', ""),
+    (["--set", "patience=soon"], "\"patience\" is 'soon': a whole number was expected", ""),
+    (["--data", "record.csv", "--parameters", "Chen2020", "--cycles", "2-1"], '"2-1" is not a range', 'write "1-2"'),
+    (["--data", "record.csv", "--parameters", "Chen2020", "--cycles", "0"], '"0" is not a range', "count from 1"),
+    (
+        ["--data", "record.csv", "--parameters", "Chen2020", "--options", "therml=lumped"],
+        'no model option "therml"',
+        'did you mean "thermal"?',
+    ),
     (["--set", "feedback.use=structurd"], 'there is no feedback "structurd"', 'did you mean "structured"'),
     (["--set", "proposer.options.memory_budged=3"], "memory_budged", 'did you mean "memory_budget"'),
     (["--set", "simulator.options.time_limit_s=-1"], "time_limit_s", ""),
@@ -111,6 +118,28 @@ def test_a_mistyped_discovery(capsys: pytest.CaptureFixture[str], monkeypatch: p
         main()
     assert caught.value.code == 2
     assert 'did you mean "temperature"' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (["--parameters", "Chen202"], "Chen202"),
+        (["--model", "P2D"], "P2D"),
+        (["--effect", "contact-resistence"], 'did you mean "contact-resistance"'),
+        (["--search", "capcity"], 'did you mean "capacity"'),
+    ],
+)
+def test_a_refused_discovery_names_no_folder(
+    wrong: list[str], words: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, folder: Path
+) -> None:
+    asked = ["--data", "record.csv", "--parameters", "Chen2020", "--model", "SPM", *wrong, "--out", "found"]
+    monkeypatch.setattr(sys, "argv", ["bsa", "discover", *asked])
+    with pytest.raises(SystemExit) as caught:
+        main()
+    assert caught.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
+    assert not (folder / "found").exists()
 
 
 TASKS = [

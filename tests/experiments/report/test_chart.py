@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from bsa.experiments.report.chart import limits_around, padded
+from bsa.experiments.report.chart import Chart, horizontal, limits_around, padded
 
 
 def test_rounding_does_not_scale_an_axis() -> None:
@@ -15,3 +15,14 @@ def test_an_axis_shows_a_small_swing_that_is_no_rounding() -> None:
     low, high = limits_around([np.array([3.7, 3.7005])])
     assert 3.69 < low < 3.7
     assert 3.7005 < high < 3.71
+
+
+def test_every_peak_of_a_varying_current_is_drawn() -> None:
+    chart = Chart("x", "x", horizontal(0.0, 8000.0), "Time / s")
+    panel = chart.panel("Current / A", (0.0, 10.0), 96.0)
+    current = np.zeros(8001)
+    current[::20] = 1.0 + np.arange(401) % 9  # 400 peaks of different heights
+    panel.draw(np.arange(8001.0), current, "best")
+    drawn = np.array([point.split(",") for point in panel.lines[0].points.split()], dtype=float)
+    peaks = np.unique(np.round(panel.axis.pixels(current[::20]), 1))
+    assert np.sum(np.isin(drawn[:, 1], peaks)) >= 400
