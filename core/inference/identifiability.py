@@ -85,6 +85,7 @@ class Identifiability:
     # Of the estimates in the unit box, in the order of ``intervals``; empty in journals that do not have it.
     covariance: tuple[tuple[float, ...], ...] = ()
     # Some draws from the posterior in the unit box, likewise, all equally likely: bands of predictions come from them.
+    # Where draws did not come out as predicted, simulated points that follow the records as closely as draws should.
     draws: tuple[tuple[float, ...], ...] = ()
 
     @property

@@ -53,6 +53,10 @@ _ALONG = 0.02
 """Step along an undetermined direction: longer than a finite difference, since the residuals change little along it."""
 
 _MOST_DIRECTIONS = 6
+
+_FEWEST_FOLLOWED = 5
+"""Simulated points that tell how far a prediction is open; from fewer a band would be many times their deviation."""
+
 _FULL = 1.0
 
 
@@ -234,6 +238,8 @@ def analyse(
     informed, weighed = prior.jacobian(weights[:, None] * jacobian, noise), weights * residual
     straight = identify(informed, weighed, task.space, best.candidate, noise)
     found = with_sample(straight, sampled.draws, task.space, sampled.holds_best)
+    if len(sampled.followed) > _FEWEST_FOLLOWED:
+        found = replace(found, draws=tuple(tuple(point) for point in sampled.followed.tolist()))
     if sampled.widened > 1.0:
         # A sample that ended early may not have reached the ends of a valley.
         found = not_narrower(found, straight, task.space)

@@ -6,16 +6,17 @@ from these too.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.stats import chi2
 
 from ..comparison.robust_loss import robust
 from ..prior import Prior
 from ..threads import on_one_thread
 from ..trajectory import FloatArray
 from .emulator import Emulator, learn
-from .identifiability import effective_noise
+from .identifiability import DRAWS_KEPT, effective_noise
 from .posterior import MOVES, beginning, going_on, sample
 
 _ROUNDS = 6
@@ -82,6 +83,9 @@ class SimulatedPosterior:
     # did.
     widened: float = 1.0
     cut_short: bool = False  # Whether fewer simulations were allowed than all rounds take.
+    # Where draws do not come out as predicted, points that were simulated and follow the records as draws should, shape
+    # (k, p) in the unit box: what draws do in another record is then not what the records leave open. Else empty.
+    followed: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 @on_one_thread
@@ -159,10 +163,29 @@ def simulated_posterior(
         # The cost of draws is about the number of parameters: an error as large doubles the variance.
         widened = float(np.sqrt(1.0 + (typical / seen.shape[1] if np.isfinite(typical) else 1.0)))
         costs = _posterior_cost(emulator, widened * excess, prior)
+    followed = _spread_within(seen, found / excess, prior) if widened > 1.0 else seen[:0]
     draws = prior.unit(sample(costs, going_on(draws, costs), MOVES))
     unlikely = _unlikeliness(emulator, widened * excess, prior, np.vstack([seen[:1], draws]))
     holds_best = bool(unlikely[0] <= np.quantile(unlikely[1:], _LIKELIER))
-    return SimulatedPosterior(draws, excess, holds_best, widened, cut_short)
+    return SimulatedPosterior(draws, excess, holds_best, widened, cut_short, followed)
+
+
+def _spread_within(points: FloatArray, residuals: FloatArray, prior: Prior) -> FloatArray:
+    """Some simulated points in the region that holds 95 % of the posterior, far apart from one another.
+
+    ``points``, of shape (n, p), the fit first, have ``residuals`` in deviations, of shape (n, m). The region ends where
+    a quadratic cost is higher than the least one by the quantile of chi-squared with p degrees of freedom. Of each next
+    point the distance from the fit and from those before is the largest that there is.
+    """
+    places = prior.normal(points)
+    costs = np.sum(residuals**2, axis=1) + np.sum(places**2, axis=1)
+    within = np.flatnonzero(costs <= costs.min() + chi2.ppf(_LIKELIER, points.shape[1]))
+    chosen: list[int] = []
+    apart = np.sum((places[within] - places[0]) ** 2, axis=1)
+    while len(chosen) < DRAWS_KEPT and apart.max() > 0.0:
+        chosen.append(int(within[np.argmax(apart)]))
+        apart = np.minimum(apart, np.sum((places[within] - places[chosen[-1]]) ** 2, axis=1))
+    return points[chosen]
 
 
 def _reduced(residuals: FloatArray, scale: float) -> FloatArray:

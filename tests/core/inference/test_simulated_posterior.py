@@ -2,7 +2,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from bsa.core.inference.simulated_posterior import Errors, simulated_posterior
+from bsa.core.inference.simulated_posterior import Errors, _spread_within, simulated_posterior
 from bsa.core.prior import Prior
 
 Simulate = Callable[[np.ndarray], list[np.ndarray | None]]
@@ -37,6 +37,7 @@ def test_draws_follow_a_curved_valley_to_its_ends() -> None:
     )
     draws = found.draws
     assert found.excess == found.widened == 1.0
+    assert len(found.followed) == 0
     assert sum(asked) <= 64
     # A straight interval would leave the valley at once: at its ends the product is 40 % off along the tangent.
     low, high = np.quantile(draws, [0.025, 0.975], axis=0)
@@ -148,6 +149,7 @@ def test_draws_that_never_come_out_as_predicted_widen_the_sample_whatever_the_bu
     found = simulated_posterior(start, [base, *rough(start[1:])], slopes, rough, NO_PRIOR, most=most)
     assert found.widened > 3.0
     assert found.cut_short == (most is not None)
+    assert len(found.followed) == 0, "no neighbour of the fit follows the record as it does"
 
 
 def test_a_sample_none_of_whose_draws_ran_is_widened() -> None:
@@ -175,3 +177,17 @@ def test_residuals_that_weigh_nothing_do_not_make_the_misfit_look_smaller() -> N
         for model, known in ((line, slopes), (with_idle, idle_slopes))
     ]
     assert excess[1] == pytest.approx(excess[0])
+
+
+def test_simulated_points_are_spread_over_the_region_that_holds_the_posterior() -> None:
+    rng = np.random.default_rng(7)
+    slopes = 20.0 * np.eye(2)
+    points = np.vstack([np.full((1, 2), 0.5), rng.uniform(0.0, 1.0, (2000, 2))])
+    chosen = _spread_within(points, (points - 0.5) @ slopes.T, NO_PRIOR)
+    assert len(chosen) == 20
+    far = np.linalg.norm(20.0 * (chosen - 0.5), axis=1)
+    assert np.all(far < np.sqrt(5.99))
+    assert far[0] > 2.0
+    near = [np.sort(np.linalg.norm(chosen - one, axis=1))[1] for one in chosen]
+    assert min(near) > 0.01
+    assert len(_spread_within(points[:1], np.zeros((1, 2)), NO_PRIOR)) == 0
