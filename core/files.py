@@ -6,7 +6,7 @@ import io
 import json
 import os
 import secrets
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
@@ -114,6 +114,17 @@ def load_json(path: Path, hint: str) -> Any:
         raise file_error(error, path) from None
     except (ValueError, RecursionError) as error:
         raise BsaError(f"{path} is not valid JSON: {shown(error)}.", hint) from None
+
+
+@contextmanager
+def gone_if_empty(folders: Iterable[Path]) -> Iterator[None]:
+    """Remove folders after the block, inner ones first, as far as there is nothing in them."""
+    try:
+        yield
+    finally:
+        for folder in folders:
+            with suppress(OSError):  # there is something in it
+                folder.rmdir()
 
 
 def entries(folder: Path) -> set[str]:

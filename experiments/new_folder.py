@@ -2,11 +2,11 @@
 
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 from ..core.errors import BsaError
-from ..core.files import entries, file_error
+from ..core.files import entries, file_error, gone_if_empty
 
 
 @contextmanager
@@ -19,14 +19,10 @@ def new_folder(folder: Path) -> Iterator[Path]:
     if entries(folder):
         raise BsaError(f"{folder} is not empty; nothing was written.", "choose a new folder with --out.")
     made = [path for path in (folder, *folder.parents) if not path.exists()]
-    try:
+    with gone_if_empty(made):
         try:
             folder.mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=folder).close()
         except OSError as error:
             raise file_error(error, folder) from None
         yield folder
-    finally:
-        for path in made:
-            with suppress(OSError):  # there is something in it
-                path.rmdir()

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from ..core.files import file_error
+from ..core.files import file_error, gone_if_empty
 from ..core.record import Record
 from ..core.spectrum import ImpedanceSpectrum
 
@@ -37,11 +37,8 @@ def reserved_folder(parent: Path, name: str) -> Iterator[Path]:
         folder = _made(parent, name)
     except OSError as error:
         raise file_error(error, parent) from None
-    try:
+    with gone_if_empty((folder,)):
         yield folder
-    finally:
-        with suppress(OSError):
-            folder.rmdir()
 
 
 def named_after(sources: Sequence[Path | Record | ImpedanceSpectrum]) -> str:

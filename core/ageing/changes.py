@@ -36,8 +36,6 @@ class Changes:
         Which step of which cycle each is of.
     taken : ndarray of shape (n, common)
         What the means that are taken off have removed from the noise of fitted residuals (`discovery.adequacy.judge`).
-    common : int
-        How many such means there are: degrees of freedom that the residuals have lost.
     """
 
     def __init__(self, task: Task, fit_cycles: int, new: FloatArray | None = None) -> None:
@@ -64,7 +62,6 @@ class Changes:
         means = np.unique(self._points[self.fitted])
         of_mean = self._points[self.fitted][:, None] == means
         self.taken = of_mean / np.sqrt(np.sum(of_mean, axis=0))
-        self.common = len(means)
         # A duration has no scale of its own: it weighs as the curves do.
         scale = np.where(rows.scale > 0, rows.scale, np.max(rows.scale[:curves], initial=0.0))
         self._sigma = np.hypot(scale, noise_of_residuals(task))
@@ -72,6 +69,11 @@ class Changes:
         if new is not None:
             signals = [f"{points[place].split()[0]} {rows.signal[place]}" for place in range(curves)]
             self._sigma = np.hypot(self._sigma, _left(new, np.array([*signals, *points[curves:]]), cycles))
+
+    @property
+    def common(self) -> int:
+        """How many means of fitted residuals are taken off: degrees of freedom that these have lost."""
+        return int(self.taken.shape[1])
 
     def __call__(self, residual: FloatArray) -> FloatArray:
         """The changes in a task's residuals, in standard deviations, shape (m,)."""

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.constants import zero_Celsius
 
 from ..errors import BsaError
 from ..printable import counted, were
@@ -11,8 +12,6 @@ from .samples import Mask, Samples
 
 KELVIN = (200.0, 400.0)
 """Temperatures at which a cell is measured; outside, the unit is another one or the sensor is faulty."""
-
-_ZERO_C = 273.15
 
 _NEAR_ZERO_K = 5.0
 """What an open sensor reads as -273 degC, K: within this of the absolute zero nothing else is meant."""
@@ -70,7 +69,7 @@ def _interpolated(samples: Samples, temperature: FloatArray, missing: Mask, faul
         )
     if faulty.any():
         rows = np.flatnonzero(faulty)
-        values = ", ".join(dict.fromkeys(f"{temperature[row] - _ZERO_C:.5g} degC" for row in rows[:_SHOWN]))
+        values = ", ".join(dict.fromkeys(f"{temperature[row] - zero_Celsius:.5g} degC" for row in rows[:_SHOWN]))
         samples = samples.noted(
             f"{counted(len(rows), 'temperature')} that no cell has {were(len(rows))} interpolated "
             f"({values} in {samples.places(rows)}): is the sensor loose?"
@@ -81,7 +80,7 @@ def _interpolated(samples: Samples, temperature: FloatArray, missing: Mask, faul
 def _first(samples: Samples, faulty: Mask) -> str:
     assert samples.temperature is not None
     k = int(np.flatnonzero(faulty)[0])
-    return f"first {samples.temperature[k] - _ZERO_C:.5g} degC in {samples.place(k)}"
+    return f"first {samples.temperature[k] - zero_Celsius:.5g} degC in {samples.place(k)}"
 
 
 def _is_possible(kelvin: float) -> bool:
@@ -108,9 +107,9 @@ def _lone(time: FloatArray, kelvin: FloatArray) -> Mask:
 
 def _refuse_other_unit(samples: Samples, kelvin: float) -> None:
     """Refuse temperatures that are possible in the other unit."""
-    if kelvin > _NEAR_ZERO_K and _is_possible(kelvin + _ZERO_C):
+    if kelvin > _NEAR_ZERO_K and _is_possible(kelvin + zero_Celsius):
         other = "degC"
-    elif _is_possible(kelvin - _ZERO_C):
+    elif _is_possible(kelvin - zero_Celsius):
         other = "K"
     else:
         return
@@ -121,4 +120,4 @@ def _refuse_other_unit(samples: Samples, kelvin: float) -> None:
 
 
 def _words(kelvin: float) -> str:
-    return f"{kelvin - _ZERO_C:.4g} degC ({kelvin:.4g} K)"
+    return f"{kelvin - zero_Celsius:.4g} degC ({kelvin:.4g} K)"
