@@ -16,9 +16,9 @@ from .record_start import open_circuit_start, starts_at_rest
 _SAME_SIZE = (0.8, 1.25)
 """Ratios of measured to nominal capacity that the search bridges by itself."""
 
-_FAR_LARGER = 100.0
-"""Ratio of capacities from which on a current in mA that is taken for one in A is a likely reason: sets are of cells of
-0.15 to 5 A.h, and few cells hold more than 300."""
+_FAR_LARGER, _LARGE_AH = 100.0, 100.0
+"""Ratio of capacities, and charge, from which on a current in mA that is taken for one in A is a likely reason: few
+cells hold as much. Sets are of cells of 0.12 to 5 A.h, of which the smallest is scaled a hundredfold to a usual one."""
 
 _KNOWN_SOC = 0.1
 """Width of the states of charge within which a first voltage tells where a record starts. On the plateau of a LiFePO4
@@ -59,7 +59,7 @@ def size_factor(
         f"The records hold {charge.ah:.3g} A.h{charge.why}, the parameter set's cell {capacity_ah:.3g} A.h: "
         f'"{WIDTH}" starts from {ratio:.3g} times its value (--no-scale keeps it).'
         + " Is the current in mA? Then say --unit current=mA."
-        * (ratio >= _FAR_LARGER)
+        * (ratio >= _FAR_LARGER and charge.ah >= _LARGE_AH)
     )
 
 

@@ -25,10 +25,10 @@ def record(first_v: float, last_v: float, charge_ah: float, rest_s: float = 600.
     return Record("r", segment(Trajectory(time, current, voltage)))
 
 
-def factor_of(one: Record, set_name: str = "Chen2020") -> tuple[float, str]:
+def factor_of(one: Record, set_name: str = "Chen2020", holds_ah: float = HOLDS_AH) -> tuple[float, str]:
     cell = CellModel(set_name, "SPM")
     start = starting_soc(cell, RecordRequest(one), one, None)
-    return size_factor([one], load(set_name), HOLDS_AH, [start])
+    return size_factor([one], load(set_name), holds_ah, [start])
 
 
 def test_a_cell_that_starts_part_full_holds_more_than_it_gives() -> None:
@@ -63,3 +63,11 @@ def test_a_cell_a_hundred_times_larger_is_asked_for_its_unit() -> None:
     factor, said = factor_of(record(4.2, 2.5, 120.0 * HOLDS_AH))
     assert factor == pytest.approx(120.0, rel=1e-3)
     assert said.endswith("Is the current in mA? Then say --unit current=mA.")
+
+
+def test_a_usual_cell_is_not_asked_for_its_unit_where_the_set_is_of_a_tiny_one() -> None:
+    """Marquis2019 holds 0.12 A.h: a pouch cell of 13 A.h is more than a hundred times as large."""
+    factor, said = factor_of(record(4.2, 2.5, 13.0), holds_ah=0.123)
+    assert factor > 100.0
+    assert "starts from" in said
+    assert "mA" not in said
