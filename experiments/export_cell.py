@@ -26,9 +26,8 @@ def exported(folder: Path, to: str) -> tuple[str, tuple[str, ...]]:
     cell, or the cell is no BPX cell.
     """
     from ..plugins.pybamm.bpx_export import to_bpx
-    from ..plugins.pybamm.export import as_json
     from ..plugins.pybamm.nameplate import labelled, widened_cut_offs
-    from ..plugins.pybamm.parameter_files import parsed
+    from ..plugins.pybamm.parameter_files import as_json, parsed
     from ..plugins.pybamm.state_of_charge import changed_values
 
     run = read_finished(folder)

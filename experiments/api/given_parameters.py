@@ -37,8 +37,7 @@ def given_parameters(given: Parameters) -> ParameterSource:
 
 
 def _as_file(values: pybamm.ParameterValues) -> ParameterFile:
-    from ...plugins.pybamm.export import as_json
-    from ...plugins.pybamm.parameter_files import parsed
+    from ...plugins.pybamm.parameter_files import as_json, parsed
 
     try:
         text = as_json(values)

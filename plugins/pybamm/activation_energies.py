@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...core.task import ParameterFile, ParameterSource
-from .export import as_json
+from .parameter_files import as_json
 from .parameter_sets import arguments_of, load, pybamm, take_arguments
 
 

@@ -1,6 +1,5 @@
 """The calibrated cell as a Python script that needs pybamm alone."""
 
-import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from .augmentation import augmented_cell, part_of
 from .compiled_cell import added_potentials, start_of
 from .diffusivity_shape import by_diffusivity
 from .ocp_shape import BUMP_WIDTH, OcpCurves
+from .parameter_files import as_json
 from .parameter_sets import FILL_FROM, bake, load, pybamm
 from .quoted_effects import quoted
 from .resolution import REFERENCE
@@ -104,18 +104,6 @@ def filled(template: str, as_literal: Callable[[Any], str], **content: Any) -> s
 def parameter_values_json(cell: CellModel, change: CellChange) -> str:
     """The changed cell's whole parameter set as JSON that ``pybamm.ParameterValues.from_json`` reads."""
     return as_json(changed_values(cell, change))
-
-
-def as_json(values: Any) -> str:
-    """The numbers and functions of a parameter set as JSON that ``pybamm.ParameterValues.from_json`` reads."""
-    known = {name: value for name, value in values.items() if callable(value) or isinstance(value, (int, float))}
-    return json.dumps(pybamm.ParameterValues(known).to_json(), default=_plain)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, (np.ndarray, np.generic)):
-        return value.tolist()
-    raise TypeError(f"{type(value).__name__} has no place in a parameter file")
 
 
 def _bumps(cell: CellModel, change: CellChange) -> dict[str, dict[float, float]]:

@@ -14,8 +14,8 @@ from ...core.reading.summary import SLOW_HOURS, SLOW_SWING_V
 from ...core.target import CellChange, ocp_name
 from ...core.task import NEAREST, ParameterFile, ParameterSource
 from ...core.trajectory import SECONDS_PER_HOUR, FloatArray, StepKind, Trajectory
-from .export import as_json
 from .ocp_shape import ELECTRODES, GRID, OcpCurves
+from .parameter_files import as_json
 from .parameter_sets import load, pybamm, set_names
 from .state_of_charge import initial_concentration, maximum_concentration
 

@@ -1,4 +1,4 @@
-"""Parameter sets from files: BPX, PyBaMM's own JSON, and what a calibration found.
+"""Parameter sets in files: BPX, PyBaMM's own JSON, and what a calibration found.
 
 Files are untrusted. No text of theirs is run: expressions of BPX are parsed and computed here, in place of the
 source file that the ``bpx`` package would write and import, and the nodes of PyBaMM's JSON may name expression classes
@@ -104,6 +104,18 @@ def read_values(file: ParameterFile) -> dict[str, Any]:
 
 
 _WORDS = {"bpx": "BPX", "parameter-values": "PyBaMM's parameter values", "calibrated": "a calibration"}
+
+
+def as_json(values: Any) -> str:
+    """The numbers and functions of a parameter set as JSON that ``pybamm.ParameterValues.from_json`` reads."""
+    known = {name: value for name, value in values.items() if callable(value) or isinstance(value, (int, float))}
+    return json.dumps(pybamm.ParameterValues(known).to_json(), default=_plain)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} has no place in a parameter file")
 
 
 def _json(name: str, text: str) -> dict[str, Any]:

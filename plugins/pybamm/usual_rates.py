@@ -9,9 +9,9 @@ import numpy as np
 
 from ...core.target import CellChange
 from ...core.task import ParameterFile, ParameterSource
-from .export import as_json
 from .nearest_potentials import published_potentials
 from .ocp_shape import ELECTRODES
+from .parameter_files import as_json
 from .parameter_sets import bake, load, pybamm
 
 _DEVIATIONS = 3.0

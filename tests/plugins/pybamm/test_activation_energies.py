@@ -13,8 +13,7 @@ from bsa.plugins.pybamm.activation_energies import (
     with_activation_energies,
     with_additional_energies,
 )
-from bsa.plugins.pybamm.export import as_json
-from bsa.plugins.pybamm.parameter_files import parsed
+from bsa.plugins.pybamm.parameter_files import as_json, parsed
 from bsa.plugins.pybamm.parameter_sets import load, pybamm
 from bsa.plugins.pybamm.solving import solve_reference
 

@@ -11,9 +11,8 @@ from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.target import CYCLABLE_LITHIUM, target_named
 from bsa.core.task import CellModel, Experiment, ParameterFile, Task
 from bsa.core.trajectory import Trajectory
-from bsa.plugins.pybamm.export import as_json
 from bsa.plugins.pybamm.nameplate import nominal_capacity_ah
-from bsa.plugins.pybamm.parameter_files import COOLING, expression, parsed
+from bsa.plugins.pybamm.parameter_files import COOLING, as_json, expression, parsed
 from bsa.plugins.pybamm.parameter_sets import bake, load, pybamm, states
 from hypothesis import given
 from hypothesis import strategies as st
