@@ -8,9 +8,9 @@ from ..core.parameters import Candidate, Parameter, ParameterSpace
 from ..core.target import CYCLABLE_LITHIUM, change_of, target_named
 from ..core.task import Task
 from ..core.trajectory import FloatArray
-from ..plugins.pybamm.ocp_shape import ELECTRODES
-from ..plugins.pybamm.parameter_sets import load
-from ..plugins.pybamm.state_of_charge import InitialState
+from ..plugins.pybamm.cells.ocp_shape import ELECTRODES
+from ..plugins.pybamm.cells.parameter_sets import load
+from ..plugins.pybamm.cells.state_of_charge import InitialState
 from .tasks.measured_cell import RESISTANCE
 
 LITHIUM = "Loss of lithium inventory [%]"

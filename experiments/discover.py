@@ -23,8 +23,8 @@ from ..core.parameters import ParameterSpace
 from ..core.run.journal import OpenJournal, spent_s
 from ..core.run.recording import Recorder
 from ..core.task import CellModel
-from ..plugins.pybamm.effect_simulator_pool import EffectSimulatorPool
-from ..plugins.pybamm.radial_mesh import RadialMesh
+from ..plugins.pybamm.before_search.radial_mesh import RadialMesh
+from ..plugins.pybamm.simulators.effect_simulator_pool import EffectSimulatorPool
 from .discovery_case import DiscoverOptions, read_case
 from .discovery_journal import opened
 from .discovery_setup import DiscoverySetup, say_notes, set_up
@@ -121,7 +121,7 @@ def discover_on(
     backend: Backend | None = None,
 ) -> RecordDiscovery:
     """Find what is missing with all that was set up for it; writes nothing."""
-    from ..plugins.pybamm.augmented_script import augmented_script
+    from ..plugins.pybamm.export.augmented_script import augmented_script
 
     problem, case = setup.problem, setup.case
     asked: list[Ranking] = []

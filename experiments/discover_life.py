@@ -20,9 +20,9 @@ from ..core.run.journal import OpenJournal
 from ..core.task import Task
 from ..core.task_reduction import shortened
 from ..core.trajectory import FloatArray
-from ..plugins.pybamm.export import script
-from ..plugins.pybamm.life_simulator import LifeSimulatorPool
-from ..plugins.pybamm.parameter_sets import pybamm
+from ..plugins.pybamm.cells.parameter_sets import pybamm
+from ..plugins.pybamm.export.calibrated_script import script
+from ..plugins.pybamm.simulators.life_simulator import LifeSimulatorPool
 from .degradation_modes import degradation_modes
 from .discovery_case import DiscoverOptions, read_life
 from .discovery_setup import say_notes

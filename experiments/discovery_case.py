@@ -215,7 +215,7 @@ class Case:
 
 def read_case(options: DiscoverOptions) -> Case:
     """Read the records and settle the base model: size, ambient temperature, initial states of charge."""
-    from ..plugins.pybamm.model_options import in_pybamm_spelling
+    from ..plugins.pybamm.cells.model_options import in_pybamm_spelling
     from .tasks.cell_for_records import ISOTHERMAL, THERMAL
     from .tasks.parameter_source import parameter_source
     from .tasks.records import build_task
@@ -306,9 +306,9 @@ def spreads_of(search: str | dict[str, Uncertainty | None], cell: CellModel) -> 
     What a preset has and the cell's model does not depend on is left out. Raises `BsaError` if a file or a name makes
     no sense, or names such a factor.
     """
-    from ..plugins.pybamm.influence import without_influence
-    from ..plugins.pybamm.parameter_sets import require
-    from ..plugins.pybamm.uncertain_parameters import PRESETS, default_spread
+    from ..plugins.pybamm.before_search.influence import without_influence
+    from ..plugins.pybamm.before_search.uncertain_parameters import PRESETS, default_spread
+    from ..plugins.pybamm.cells.parameter_sets import require
 
     if isinstance(search, str):
         if search in PRESETS:

@@ -138,7 +138,7 @@ def _digests_of_base(options: DiscoverOptions) -> dict[str, str]:
 
 def _search_file(search: Any) -> Path | None:
     """The file that says what is uncertain, where it is one and no preset."""
-    from ..plugins.pybamm.uncertain_parameters import PRESETS
+    from ..plugins.pybamm.before_search.uncertain_parameters import PRESETS
 
     is_file = isinstance(search, str) and search not in PRESETS and Path(search).is_file()
     return Path(search) if is_file else None

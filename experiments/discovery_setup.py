@@ -15,11 +15,11 @@ from ..core.discovery.simulator import Simulator
 from ..core.effect import Effect
 from ..core.parameters import ParameterSpace
 from ..core.task import CellModel
-from ..plugins.pybamm.effect_simulator import EffectSimulator
-from ..plugins.pybamm.parameter_sets import pybamm
-from ..plugins.pybamm.radial_mesh import RadialMesh, radial_mesh
-from ..plugins.pybamm.state_of_charge import equilibrium_capacity_ah
-from ..plugins.pybamm.uncertain_parameters import uncertain_parameters
+from ..plugins.pybamm.before_search.radial_mesh import RadialMesh, radial_mesh
+from ..plugins.pybamm.before_search.uncertain_parameters import uncertain_parameters
+from ..plugins.pybamm.cells.parameter_sets import pybamm
+from ..plugins.pybamm.cells.state_of_charge import equilibrium_capacity_ah
+from ..plugins.pybamm.simulators.effect_simulator import EffectSimulator
 from .discovery_case import Case, DiscoverOptions, spreads_of
 
 

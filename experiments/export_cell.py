@@ -25,10 +25,10 @@ def exported(folder: Path, to: str) -> tuple[str, tuple[str, ...]]:
     far the file's cell is from the run's on the first record. Raises `BsaError` if the folder holds no run of a PyBaMM
     cell, or the cell is no BPX cell.
     """
-    from ..plugins.pybamm.bpx_export import to_bpx
-    from ..plugins.pybamm.nameplate import labelled, widened_cut_offs
-    from ..plugins.pybamm.parameter_files import as_json, parsed
-    from ..plugins.pybamm.state_of_charge import changed_values
+    from ..plugins.pybamm.cells.nameplate import labelled, widened_cut_offs
+    from ..plugins.pybamm.cells.parameter_files import as_json, parsed
+    from ..plugins.pybamm.cells.state_of_charge import changed_values
+    from ..plugins.pybamm.export.bpx_export import to_bpx
 
     run = read_finished(folder)
     cell, experiment, change = run.task.cell, run.task.experiments[0], run.task.space.change(run.best.candidate)
@@ -77,7 +77,7 @@ def difference_on(
     Under a protocol both pass the current that the first one passes: its steps end a little earlier in the one cell
     than in the other, and voltages behind them, compared at equal times, would differ by all that a step changes.
     """
-    from ..plugins.pybamm.solving import solve_reference
+    from ..plugins.pybamm.solving.experiment_kinds import solve_reference
 
     if experiment.protocol is not None and not experiment.long:
         passed = solve_reference(ours[0], experiment, ours[1]).trajectory

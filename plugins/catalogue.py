@@ -9,7 +9,7 @@ from ..core.hooks import Entry, hookimpl
 @hookimpl
 def bsa_simulators() -> Iterable[Entry]:
     """PyBaMM."""
-    from .pybamm.simulator import PyBaMMOptions, PyBaMMSimulator
+    from .pybamm.simulators.simulator import PyBaMMOptions, PyBaMMSimulator
 
     summary = "PyBaMM's SPM, SPMe and DFN, compiled once a run."
     yield Entry("pybamm", PyBaMMSimulator, summary, PyBaMMOptions, api=1, domain=CELL)

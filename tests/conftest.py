@@ -68,7 +68,7 @@ class HerePool:
 @pytest.fixture(scope="module")
 def simulated_here() -> Iterator[None]:
     """PyBaMM's simulations are made in this process."""
-    from bsa.plugins.pybamm import worker
+    from bsa.plugins.pybamm.simulators import worker
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(worker, "Pool", HerePool)

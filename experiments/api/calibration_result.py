@@ -93,7 +93,7 @@ class CalibrationResult:
 
         Its nominal capacity is that of the cell's size, and its cut-offs are those of the set.
         """
-        from ...plugins.pybamm.nameplate import labelled
+        from ...plugins.pybamm.cells.nameplate import labelled
 
         return labelled(self._script["parameter_values"](), self._run.task.cell)
 
@@ -104,7 +104,7 @@ class CalibrationResult:
 
     @cached_property
     def _script(self) -> dict[str, Any]:
-        from ...plugins.pybamm.export import script
+        from ...plugins.pybamm.export.calibrated_script import script
 
         task, simulator = self._run.task, self._run.config["scaffold"]["simulator"]["use"]
         if simulator != "pybamm":

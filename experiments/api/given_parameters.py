@@ -26,7 +26,7 @@ def given_parameters(given: Parameters) -> ParameterSource:
     """
     if isinstance(given, str | Path):
         return str(given)
-    from ...plugins.pybamm.parameter_sets import pybamm
+    from ...plugins.pybamm.cells.parameter_sets import pybamm
 
     if not isinstance(given, pybamm.ParameterValues):
         raise BsaError(
@@ -37,7 +37,7 @@ def given_parameters(given: Parameters) -> ParameterSource:
 
 
 def _as_file(values: pybamm.ParameterValues) -> ParameterFile:
-    from ...plugins.pybamm.parameter_files import as_json, parsed
+    from ...plugins.pybamm.cells.parameter_files import as_json, parsed
 
     try:
         text = as_json(values)

@@ -64,7 +64,7 @@ def parameters(
     contains: Annotated[str, typer.Option(help="Show only names that contain this text.")] = "",
 ) -> None:
     """The parameter sets, or the parameters of one."""
-    from ...plugins.pybamm import parameter_sets
+    from ...plugins.pybamm.cells import parameter_sets
 
     if set_name is None:
         lines = {name: name for name in parameter_sets.set_names()}

@@ -70,13 +70,13 @@ def parameter_sets() -> list[str]:
 
 def search_presets() -> list[str]:
     """Names of the search spaces."""
-    from ...plugins import pybamm
+    from ...plugins.pybamm import before_search
 
-    return list(yaml.safe_load((files(pybamm) / "search_presets.yaml").read_text(encoding="utf-8")))
+    return list(yaml.safe_load((files(before_search) / "search_presets.yaml").read_text(encoding="utf-8")))
 
 
 def uncertain_presets() -> list[str]:
     """Names of what a discovery may take as uncertain."""
-    from ...plugins.pybamm.uncertain_parameters import PRESETS
+    from ...plugins.pybamm.before_search.uncertain_parameters import PRESETS
 
     return list(PRESETS)

@@ -14,7 +14,7 @@ from ...core.discovery.simulator import Prediction, Simulator
 from ...core.parameters import ParameterSpace
 from ...core.run.journal import FILE_NAME
 from ...core.task import CellModel
-from ...plugins.pybamm.radial_mesh import RadialMesh
+from ...plugins.pybamm.before_search.radial_mesh import RadialMesh
 from ..campaign.text_tables import markdown_table
 from ..discovery_case import read_case
 from ..discovery_journal import opened, read_options

@@ -159,7 +159,7 @@ def _task(data: str | list[Path], options: Mapping[str, Any], cell: Mapping[str,
 def _check_set(parameters: str | None) -> None:
     """Refuse a name that no installed set has: it would be looked for where the server was started."""
     if parameters is not None and is_name(parameters) and parameters != NEAREST:
-        from ...plugins.pybamm.parameter_sets import require_set
+        from ...plugins.pybamm.cells.parameter_sets import require_set
 
         require_set(parameters)
 

@@ -133,7 +133,7 @@ def draw(seed: int, number: int, model: str, points: int) -> Drawn:
 
 def _changed_geometry(cell: CellModel, rng: np.random.Generator) -> tuple[ParameterSpace, Candidate, int]:
     """The nine parameters of the paper, one to nine of which differ from the base cell's."""
-    from ...plugins.pybamm.presets import preset_space
+    from ...plugins.pybamm.before_search.presets import preset_space
 
     space = preset_space(cell.parameter_set, "geometry")
     changed = rng.permutation(len(space))[: int(rng.integers(1, len(space) + 1))]
@@ -144,7 +144,7 @@ def _changed_geometry(cell: CellModel, rng: np.random.Generator) -> tuple[Parame
 
 def _measured_cell(cell: CellModel, rng: np.random.Generator) -> tuple[ParameterSpace, Candidate, int]:
     """The preset `cell` without some of its corrections of the potentials; all differ as their priors say."""
-    from ...plugins.pybamm.presets import preset_space
+    from ...plugins.pybamm.before_search.presets import preset_space
 
     whole = preset_space(cell.parameter_set, "cell", options=cell.options)
     corrections = [name for name in whole.names if _CORRECTION in name]
@@ -172,7 +172,7 @@ def _from_prior(parameter: Parameter, rng: np.random.Generator) -> float:
 
 def _experiments(cell: CellModel, rng: np.random.Generator, of_cell: bool) -> tuple[Experiment, Experiment]:
     """What is measured, and what is not."""
-    from ...plugins.pybamm.parameter_sets import load
+    from ...plugins.pybamm.cells.parameter_sets import load
 
     values = load(cell.parameter_set)
     high, low = (float(values[f"{which} voltage cut-off [V]"]) for which in ("Upper", "Lower"))
@@ -194,8 +194,8 @@ def _experiments(cell: CellModel, rng: np.random.Generator, of_cell: bool) -> tu
 
 
 def _true_run(cell: CellModel, experiment: Experiment, change: CellChange, points: int) -> ExperimentRun:
-    from ...plugins.pybamm.compiled import CompiledExperiment
-    from ...plugins.pybamm.resolution import Resolution
+    from ...plugins.pybamm.modelling.resolution import Resolution
+    from ...plugins.pybamm.solving.compiled import CompiledExperiment
 
     fine = Resolution(rtol=1e-7, points=points, standard_mesh=True, least_atol=1e-7)
     return CompiledExperiment(cell, experiment, {}, fine, baked=change).solve({})
@@ -267,7 +267,7 @@ def rows_of(drawn: Drawn, result: RunResult) -> list[Row]:
 
 def _cost_of_truth(drawn: Drawn) -> float:
     """What the truth costs on the mesh of the fit; NaN if it cannot be simulated there."""
-    from ...plugins.pybamm.solving import compiled
+    from ...plugins.pybamm.solving.experiment_kinds import compiled
 
     task = drawn.task
     runs = [compiled(task.cell, experiment, task.space.targets).solve(drawn.truth) for experiment in task.experiments]

@@ -15,9 +15,9 @@ from ...core.files import write_csv
 from ...core.parameters import Candidate
 from ...core.run.run_config import RunConfig
 from ...core.scaffold import load_scaffold
-from ...plugins.pybamm.compiled import CompiledExperiment
-from ...plugins.pybamm.solving import solve_reference
-from ...plugins.pybamm.worker import Assignment, WorkerPool
+from ...plugins.pybamm.simulators.worker import Assignment, WorkerPool
+from ...plugins.pybamm.solving.compiled import CompiledExperiment
+from ...plugins.pybamm.solving.experiment_kinds import solve_reference
 from ..campaign.running import Plan
 from ..campaign.study_cell import StudyCell, results_of
 from ..campaign.trace import Stopwatch

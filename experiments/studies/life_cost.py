@@ -16,10 +16,10 @@ import numpy as np
 from ...core.files import write_csv
 from ...core.target import Value
 from ...core.trajectory import FloatArray
-from ...plugins.pybamm.compiled_cell import make_model
-from ...plugins.pybamm.long_experiment import LongExperiment
-from ...plugins.pybamm.parameter_sets import load, pybamm
-from ...plugins.pybamm.resolution import SEARCH
+from ...plugins.pybamm.cells.parameter_sets import load, pybamm
+from ...plugins.pybamm.modelling.compiled_cell import make_model
+from ...plugins.pybamm.modelling.resolution import SEARCH
+from ...plugins.pybamm.solving.long_experiment import LongExperiment
 from ..suite.published import published_cases
 from ..suite.target import cell_of, experiment_of
 

@@ -18,7 +18,7 @@ from ...core.discovery.life import DEVIATION_V
 from ...core.discovery.life_discovery import LifeDiscovery
 from ...core.files import write_csv
 from ...core.record import ReadOptions
-from ...plugins.pybamm.parameter_sets import pybamm
+from ...plugins.pybamm.cells.parameter_sets import pybamm
 from ..discover import discover
 from ..discovery_case import discover_options
 from ..processor_time import processor_s

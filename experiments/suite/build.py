@@ -19,7 +19,7 @@ def build_task(case: SuiteCase, search: str | Mapping[str, Any] | None = None) -
     The search space is given as in `resolve_space`; by default it is ``geometry``, or ``sei`` or ``ageing`` for the
     ageing cases. Raises `BsaError` if the true cell cannot be simulated at all.
     """
-    from ...plugins.pybamm.presets import resolve_space
+    from ...plugins.pybamm.before_search.presets import resolve_space
 
     cell = cell_of(case)
     run = target_of(case)

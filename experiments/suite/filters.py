@@ -52,8 +52,8 @@ class CompiledFilter:
         return _differs(self._capacity(compiled, case, case.hidden), base_ah)
 
     def _compile(self, case: SuiteCase) -> tuple[Any, float | None]:
-        from ...plugins.pybamm.compiled import CompiledExperiment
-        from ...plugins.pybamm.parameter_sets import pybamm
+        from ...plugins.pybamm.cells.parameter_sets import pybamm
+        from ...plugins.pybamm.solving.compiled import CompiledExperiment
 
         pybamm.set_logging_level("CRITICAL")
         compiled = CompiledExperiment(
@@ -62,7 +62,7 @@ class CompiledFilter:
         return compiled, self._capacity(compiled, case, {})
 
     def _capacity(self, compiled: Any, case: SuiteCase, changes: Candidate) -> float | None:
-        from ...plugins.pybamm.parameter_sets import initial_value
+        from ...plugins.pybamm.cells.parameter_sets import initial_value
 
         base = {name: initial_value(case.parameter_set, name) for name in self._searched}
         run: ExperimentRun = compiled.solve({**base, **changes})

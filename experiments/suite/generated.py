@@ -92,7 +92,7 @@ def _changed(base: Mapping[str, Any], name: str, value: float) -> float:
 
 def all_cases() -> Iterator[SuiteCase]:
     """Every combination of base cell, rates and rule, before the filters, numbered within its mode."""
-    from ...plugins.pybamm.parameter_sets import load
+    from ...plugins.pybamm.cells.parameter_sets import load
 
     numbers = {"regular": 0, "extreme": 0}
     for parameter_set in SETS:

@@ -72,6 +72,6 @@ def _draw(seed: int, number: int, cycles: int) -> SuiteCase:
 
 
 def _base(name: str) -> float:
-    from ...plugins.pybamm.parameter_sets import initial_value
+    from ...plugins.pybamm.cells.parameter_sets import initial_value
 
     return 1.0 if isinstance(target_named(name), Factor) else initial_value(SET, name)

@@ -37,7 +37,7 @@ def random_cases(
 
 
 def _draw(seed: int, number: int, noise: Noise, keep: Callable[[SuiteCase], bool]) -> SuiteCase:
-    from ...plugins.pybamm.parameter_sets import load
+    from ...plugins.pybamm.cells.parameter_sets import load
 
     rng = np.random.default_rng([seed, number])
     parameter_set = SETS[number % len(SETS)]

@@ -41,7 +41,7 @@ def cell_of(case: SuiteCase) -> CellModel:
 
 def experiment_of(case: SuiteCase, charge_rate: float | None = None, discharge_rate: float | None = None) -> Experiment:
     """The case's experiment without its target. Other C-rates than the case's are for held-out protocols."""
-    from ...plugins.pybamm.parameter_sets import load
+    from ...plugins.pybamm.cells.parameter_sets import load
 
     values = load(case.parameter_set)
     nothing = np.zeros(1)
@@ -107,9 +107,9 @@ def cache_folder() -> Path:
 
 
 def _solve(cell: CellModel, experiment: Experiment, candidate: Candidate) -> ExperimentRun:
-    from ...plugins.pybamm.parameter_sets import pybamm
-    from ...plugins.pybamm.resolution import Resolution
-    from ...plugins.pybamm.solving import solve_reference
+    from ...plugins.pybamm.cells.parameter_sets import pybamm
+    from ...plugins.pybamm.modelling.resolution import Resolution
+    from ...plugins.pybamm.solving.experiment_kinds import solve_reference
 
     pybamm.set_logging_level("CRITICAL")
     resolution = Resolution(rtol=_RTOL, standard_mesh=True, least_atol=_ATOL)

@@ -83,7 +83,7 @@ def with_thermal_model(
     that are held out included; ``values`` are those of the cell's parameter set. Where no temperature was measured and
     the set does not say how its cell is cooled, or that nothing cools it, the cell stays isothermal.
     """
-    from ...plugins.pybamm.parameter_sets import states
+    from ...plugins.pybamm.cells.parameter_sets import states
 
     if THERMAL in options or any(request.protocol is not None for request in requests):
         return options, []
@@ -112,7 +112,7 @@ def cooling_note(
     parameter_set: ParameterSource, options: Mapping[str, Any], given: Collection[str], values: Any
 ) -> list[str]:
     """What is to be said of a cell that warms, and of whose cooling neither its set nor the person says anything."""
-    from ...plugins.pybamm.parameter_sets import FILL_FROM, states
+    from ...plugins.pybamm.cells.parameter_sets import FILL_FROM, states
 
     warms = options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL
     if not warms or _COOLING in given or states(parameter_set, _COOLING):
@@ -152,9 +152,13 @@ def temperature_dependent(cell: CellModel, search: str | Mapping[str, Any]) -> t
 
     What the cell's model does not have is given it too, for another model that begins there, but is not spoken of.
     """
-    from ...plugins.pybamm.activation_energies import TRANSPORT, independent_of_temperature, with_activation_energies
-    from ...plugins.pybamm.influence import without_influence
-    from ...plugins.pybamm.presets import is_preset
+    from ...plugins.pybamm.before_search.activation_energies import (
+        TRANSPORT,
+        independent_of_temperature,
+        with_activation_energies,
+    )
+    from ...plugins.pybamm.before_search.influence import without_influence
+    from ...plugins.pybamm.before_search.presets import is_preset
 
     parameter_set = cell.parameter_set
     constant = tuple(name for name in independent_of_temperature(parameter_set) if name not in cell.overrides)
@@ -187,8 +191,12 @@ def with_searched_energies(
     Rates that are ``fixed`` to a number have none; ``fitted_k`` are the temperatures around the fitted records, K:
     where they are too near to tell, the set stays.
     """
-    from ...plugins.pybamm.activation_energies import RATES, additional_energy_name, with_additional_energies
-    from ...plugins.pybamm.presets import searches
+    from ...plugins.pybamm.before_search.activation_energies import (
+        RATES,
+        additional_energy_name,
+        with_additional_energies,
+    )
+    from ...plugins.pybamm.before_search.presets import searches
 
     spread_k = float(np.ptp([kelvin for kelvin in fitted_k if kelvin is not None] or [0.0]))
     if spread_k < _TELLS_K or not searches(search, additional_energy_name(RATES[0])):
@@ -209,8 +217,8 @@ def measured_thermodynamic_factor(
     A set without a measured one has 1, that of an ideal solution, and with it half of the voltage that salt gradients
     take.
     """
-    from ...plugins.pybamm.influence import without_influence
-    from ...plugins.pybamm.presets import searches
+    from ...plugins.pybamm.before_search.influence import without_influence
+    from ...plugins.pybamm.before_search.presets import searches
 
     own = values.get(THERMODYNAMIC_FACTOR)
     if own != 1.0 or THERMODYNAMIC_FACTOR in given or not searches(search, THERMODYNAMIC_FACTOR):
@@ -227,7 +235,12 @@ def with_chosen_potentials(
     parameter_set: ParameterSource, wanted: str, records: Sequence[Record]
 ) -> tuple[ParameterSource, list[str]]:
     """The parameter set with the potentials that were asked for, and what is to be said of them."""
-    from ...plugins.pybamm.nearest_potentials import chosen_potentials, misfit_of, slowest_curve, with_potentials
+    from ...plugins.pybamm.before_search.nearest_potentials import (
+        chosen_potentials,
+        misfit_of,
+        slowest_curve,
+        with_potentials,
+    )
 
     curve, words = slowest_curve([record.trajectory for record in records]), []
     which = "the slow record" if curve is None else curve.words
@@ -260,7 +273,7 @@ def with_chosen_potentials(
 
 def _with_usual_rates(parameter_set: ParameterFile, base: str) -> tuple[ParameterFile, list[str]]:
     """The parameter set without rates that lie far from all other published ones, and what is to be said of it."""
-    from ...plugins.pybamm.usual_rates import unusual_rates, with_usual_rates
+    from ...plugins.pybamm.before_search.usual_rates import unusual_rates, with_usual_rates
 
     unusual = unusual_rates(parameter_set)
     if not unusual:
@@ -274,7 +287,7 @@ def _with_usual_rates(parameter_set: ParameterFile, base: str) -> tuple[Paramete
 
 def hysteresis_note(records: Sequence[Record]) -> list[str]:
     """What is to be said of charge and discharge that are far apart where they are slow."""
-    from ...plugins.pybamm.nearest_potentials import slow_curve
+    from ...plugins.pybamm.before_search.nearest_potentials import slow_curve
 
     slow = slow_curve(record.trajectory for record in records)
     if slow is None or not slow.gap_v > _HYSTERESIS_V:

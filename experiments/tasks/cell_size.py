@@ -77,7 +77,7 @@ def _from_start(record: Record, values: Any, soc: float | None) -> list[_Charge]
 
 def starting_soc(cell: CellModel, request: RecordRequest, record: Record, ambient_k: float | None) -> float | None:
     """The state of charge at which a record starts, None where neither a person nor its first voltage tells."""
-    from ...plugins.pybamm.state_of_charge import soc_at_voltage
+    from ...plugins.pybamm.cells.state_of_charge import soc_at_voltage
 
     if request.initial_soc is not None or not request.as_measured:
         return request.initial_soc

@@ -9,7 +9,7 @@ import numpy as np
 from ...core.target import CellChange
 from ...core.task import CellModel, Experiment
 from ...core.trajectory import Trajectory
-from ...plugins.pybamm.solving import solve_reference
+from ...plugins.pybamm.solving.experiment_kinds import solve_reference
 from ...plugins.readers.bdf import write
 from .find import PACKAGED
 

@@ -18,7 +18,7 @@ def simulated_models(cell: CellModel, over_time: bool, spectra: bool) -> list[Ce
 
     That of a spectrum alone has the double layers.
     """
-    from ...plugins.pybamm.spectrum_experiment import DOUBLE_LAYERS
+    from ...plugins.pybamm.solving.spectrum_experiment import DOUBLE_LAYERS
 
     with_layers = replace(cell, options={**cell.options, **DOUBLE_LAYERS})
     return [*[cell] * (over_time or not spectra), *[with_layers] * spectra]
@@ -30,7 +30,7 @@ def with_influence(space: ParameterSpace, models: list[CellModel], whose: str = 
     ``whose`` says whose parameters they are; empty for those that the person has named. Raises `BsaError` if one of
     these has no influence, or no parameter has one.
     """
-    from ...plugins.pybamm.influence import without_influence
+    from ...plugins.pybamm.before_search.influence import without_influence
 
     in_none = set.intersection(*(set(without_influence(model, space.targets)) for model in models))
     idle = [name for name in space.names if name in in_none]
@@ -49,7 +49,7 @@ def with_influence(space: ParameterSpace, models: list[CellModel], whose: str = 
 
 def without_use(cell: CellModel, overrides: Iterable[str]) -> list[str]:
     """What is to be said of values that replace those of the set and that the model does not depend on."""
-    from ...plugins.pybamm.influence import without_influence
+    from ...plugins.pybamm.before_search.influence import without_influence
 
     idle = without_influence(cell, {name: Value(name) for name in overrides})
     named = ", ".join(f'"{name}"' for name in idle)

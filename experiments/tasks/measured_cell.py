@@ -53,7 +53,7 @@ class CellRequest:
     @cached_property
     def given(self) -> frozenset[str]:
         """Parameters whose value, or start, the person has written: nothing may replace these."""
-        from ...plugins.pybamm.presets import starts_given
+        from ...plugins.pybamm.before_search.presets import starts_given
 
         return frozenset(starts_given(self.search) | set(self.overrides))
 
@@ -97,8 +97,8 @@ def _set_and_options(
     ambient_k: Sequence[float | None],
     held_out: Sequence[Record],
 ) -> tuple[ParameterSource, dict[str, Any], list[str]]:
-    from ...plugins.pybamm.model_options import in_pybamm_spelling
-    from ...plugins.pybamm.parameter_sets import load
+    from ...plugins.pybamm.cells.model_options import in_pybamm_spelling
+    from ...plugins.pybamm.cells.parameter_sets import load
 
     parameter_set, notes = with_chosen_potentials(wanted.parameter_set, wanted.ocp, records)
     notes = notes if wanted.effects else [*notes, *hysteresis_note(records)]
@@ -134,9 +134,9 @@ def _values(
     ambient_k: Sequence[float | None],
 ) -> tuple[dict[str, float], float, list[str]]:
     """What replaces numbers of the model's parameter set, the capacity in A.h, and what is to be said of them."""
-    from ...plugins.pybamm.nameplate import CAPACITY, nominal_capacity_ah
-    from ...plugins.pybamm.parameter_sets import load
-    from ...plugins.pybamm.state_of_charge import equilibrium_capacity_ah
+    from ...plugins.pybamm.cells.nameplate import CAPACITY, nominal_capacity_ah
+    from ...plugins.pybamm.cells.parameter_sets import load
+    from ...plugins.pybamm.cells.state_of_charge import equilibrium_capacity_ah
 
     values = load(model.parameter_set, wanted.overrides)
     capacity_ah = equilibrium_capacity_ah(model.parameter_set, wanted.overrides)
@@ -172,7 +172,7 @@ def searched_space(
     Raises `BsaError` if the person names a parameter that has no influence on the model.
     """
     from ...plugins.pybamm.augmentation import augmented_cell, effects_in
-    from ...plugins.pybamm.presets import is_preset, resolve_space
+    from ...plugins.pybamm.before_search.presets import is_preset, resolve_space
 
     effects = effects_in(cell)
     augmented_cell(cell, effects)  # two may ask for different things
@@ -195,7 +195,7 @@ def _with_resistance_started(
     spectra: Sequence[RecordRequest],
 ) -> ParameterSpace:
     """The space with a contact resistance that starts where the records show it."""
-    from ...plugins.pybamm.parameter_sets import load
+    from ...plugins.pybamm.cells.parameter_sets import load
 
     values = load(cell.parameter_set, cell.overrides)
     if RESISTANCE in wanted.given or values.get(RESISTANCE, 0.0) or RESISTANCE not in space:

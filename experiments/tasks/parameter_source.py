@@ -39,7 +39,7 @@ def parameter_source(given: ParameterSource) -> ParameterSource:
         return calibrated(run)
     if path.suffix.lower() != ".json":
         return given
-    from ...plugins.pybamm.parameter_files import parsed
+    from ...plugins.pybamm.cells.parameter_files import parsed
 
     try:
         if path.stat().st_size > _LARGEST_FILE:
@@ -64,7 +64,7 @@ def _run_at(path: Path) -> Path | None:
 
 
 def _names_a_set(given: str) -> bool:
-    from ...plugins.pybamm.parameter_sets import set_names
+    from ...plugins.pybamm.cells.parameter_sets import set_names
 
     return given in (*set_names(), NEAREST)
 
@@ -130,8 +130,8 @@ def with_its_space(task: Task, run: RunRecord, socs_given: bool = False) -> Task
 
 
 def _started_in_the_fitted_cell(states: Sequence[Parameter], task: Task, run: RunRecord) -> list[Parameter]:
-    from ...plugins.pybamm.parameter_sets import load
-    from ...plugins.pybamm.state_of_charge import InitialState
+    from ...plugins.pybamm.cells.parameter_sets import load
+    from ...plugins.pybamm.cells.state_of_charge import InitialState
 
     set_as_is = InitialState(load(task.cell.parameter_set, task.cell.overrides))
     fitted = run.task.space.change(run.best.candidate)

@@ -103,7 +103,7 @@ def _fitted(
     requests: Sequence[RecordRequest], records: Sequence[Record], cell: MeasuredCell
 ) -> tuple[list[Experiment], list[float], list[str]]:
     """The records as experiments, the states of charge that are known, and what is to be said of both."""
-    from ...plugins.pybamm.state_of_charge import soc_at_voltage
+    from ...plugins.pybamm.cells.state_of_charge import soc_at_voltage
 
     experiments: list[Experiment] = []
     socs: list[float] = []
@@ -248,8 +248,8 @@ def _other_sizes(cell: CellModel, records: Sequence[Record]) -> list[str]:
     """Which records hold clearly more or less charge than the cell that is to predict them."""
     if not cell.parameter_set or not records:
         return []
-    from ...plugins.pybamm.nameplate import nominal_capacity_ah
-    from ...plugins.pybamm.parameter_sets import load
+    from ...plugins.pybamm.cells.nameplate import nominal_capacity_ah
+    from ...plugins.pybamm.cells.parameter_sets import load
 
     values, capacity_ah = load(cell.parameter_set), nominal_capacity_ah(cell.parameter_set, cell.overrides)
     said = ((record.name, other_size_note(record, values, capacity_ah)) for record in records)

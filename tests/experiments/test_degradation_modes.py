@@ -8,7 +8,7 @@ from bsa.experiments.read_options import reading
 from bsa.experiments.studies.life_discovery import HIDDEN, make
 from bsa.experiments.task_request import CellChoice, Records, task_of_records
 from bsa.experiments.tasks.measured_cell import RESISTANCE
-from bsa.plugins.pybamm.life_simulator import LifeSimulator
+from bsa.plugins.pybamm.simulators.life_simulator import LifeSimulator
 
 
 def test_a_resistance_that_grows_is_told_from_losses(tmp_path: Path) -> None:

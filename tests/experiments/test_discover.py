@@ -23,9 +23,9 @@ from bsa.experiments.discovery_journal import opened, read_options
 from bsa.experiments.discovery_setup import set_up
 from bsa.experiments.run import read_request
 from bsa.experiments.run_record import read_run
-from bsa.plugins.pybamm.augmented_script import augmented_script
-from bsa.plugins.pybamm.export import parameter_values_json
-from bsa.plugins.pybamm.parameter_sets import pybamm
+from bsa.plugins.pybamm.cells.parameter_sets import pybamm
+from bsa.plugins.pybamm.export.augmented_script import augmented_script
+from bsa.plugins.pybamm.export.calibrated_script import parameter_values_json
 
 
 def test_an_unknown_effect_is_an_error_with_a_hint():

@@ -25,9 +25,9 @@ from bsa.experiments.read_options import reading
 from bsa.experiments.studies.life_discovery import HIDDEN, make
 from bsa.experiments.task_request import CellChoice, Records, task_of_records
 from bsa.plugins.effects.ageing import EFFECTS
-from bsa.plugins.pybamm.export import script
-from bsa.plugins.pybamm.life_simulator import LifeSimulator
-from bsa.plugins.pybamm.long_experiment import LongExperiment
+from bsa.plugins.pybamm.export.calibrated_script import script
+from bsa.plugins.pybamm.simulators.life_simulator import LifeSimulator
+from bsa.plugins.pybamm.solving.long_experiment import LongExperiment
 from bsa_toy_life import life, life_task
 
 COLUMNS = {"time": "time_s", "current": "current_A", "voltage": "voltage_V"}

@@ -14,8 +14,8 @@ from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Trajectory
 from bsa.experiments.cli.main import app
 from bsa.experiments.task_request import CellChoice, Records, task_of_records
-from bsa.plugins.pybamm.parameter_sets import load
-from bsa.plugins.pybamm.solving import solve_reference
+from bsa.plugins.pybamm.cells.parameter_sets import load
+from bsa.plugins.pybamm.solving.experiment_kinds import solve_reference
 from typer.testing import CliRunner
 
 pytestmark = pytest.mark.usefixtures("simulated_here")

@@ -16,10 +16,13 @@ MAY_IMPORT = {
     "experiments": {"core", "plugins", "backends", "experiments"},
     "testing": {"core", "backends", "experiments", "testing"},
 }
-ROOMS_OF_CORE = ("words", "contracts", "reading", "inference", "run", "discovery")
-"""A room of core imports from those before it; the words are the modules of core itself, which plugins import."""
+ROOMS_IN_ORDER = {
+    "core": ("words", "contracts", "reading", "inference", "run", "discovery"),
+    "plugins/pybamm": ("words", "cells", "modelling", "solving", "before_search", "export", "simulators"),
+}
+"""A room imports from those before it; the words are the modules in no room, which other packages import."""
 
-WORDS = {"ageing", "comparison", "segmentation"}
+WITH_THE_WORDS = {"core": {"ageing", "comparison", "segmentation"}, "plugins/pybamm": set[str]()}
 """Rooms that stand with the words: a trajectory may be a record of cycles, a trial has residuals."""
 
 OF_A_LATER_ROOM = {("core/record.py", "reading")}
@@ -55,28 +58,31 @@ def test_imports_never_point_up(path: Path) -> None:
             assert name.split(".")[0] in MAY_IMPORT[parts[0]], f"{path} imports from {name}"
 
 
-def room_of_core(parts: tuple[str, ...]) -> str:
-    """The room of a module of core, from its path below core."""
-    return "words" if len(parts) == 1 or parts[0] in WORDS else parts[0]
+def modules_in_rooms() -> list[tuple[str, Path]]:
+    """Each package that has rooms, with each of its modules."""
+    return [(package, path) for package in ROOMS_IN_ORDER for path in sorted((ROOT / package).rglob("*.py"))]
 
 
 @pytest.mark.parametrize(
-    "path", sorted((ROOT / "core").rglob("*.py")), ids=lambda path: str(path.relative_to(ROOT / "core"))
+    ("package", "path"), modules_in_rooms(), ids=[str(path.relative_to(ROOT)) for _, path in modules_in_rooms()]
 )
-def test_rooms_of_core_never_import_from_a_later_one(path: Path) -> None:
-    parts = path.relative_to(ROOT / "core").parts
+def test_rooms_never_import_from_a_later_one(package: str, path: Path) -> None:
+    rooms = ROOMS_IN_ORDER[package]
+    parts = path.relative_to(ROOT / package).parts
+    own = rooms.index(parts[0]) if parts[0] in rooms else 0
     for level, name in imports(path):
         if level != len(parts):
             continue
         first = name.split(".")[0]
-        target = first if first in ROOMS_OF_CORE else "words"
+        target = first if first in rooms else "words"
         if (str(path.relative_to(ROOT)), target) not in OF_A_LATER_ROOM:
-            assert ROOMS_OF_CORE.index(target) <= ROOMS_OF_CORE.index(room_of_core(parts)), f"imports from {name}"
+            assert rooms.index(target) <= own, f"imports from {name}"
 
 
-def test_every_room_of_core_has_its_place() -> None:
-    rooms = {path.parent.name for path in (ROOT / "core").glob("*/__init__.py")}
-    assert rooms == {*ROOMS_OF_CORE, *WORDS} - {"words"}
+@pytest.mark.parametrize("package", ROOMS_IN_ORDER)
+def test_every_room_has_its_place(package: str) -> None:
+    rooms = {path.parent.name for path in (ROOT / package).glob("*/__init__.py")}
+    assert rooms == {*ROOMS_IN_ORDER[package], *WITH_THE_WORDS[package]} - {"words"}
 
 
 def test_no_module_is_a_junk_drawer() -> None:

@@ -7,7 +7,7 @@ import pytest
 from bsa.core.errors import BsaError
 from bsa.core.task import CellModel
 from bsa.experiments.discovery_case import spreads_of
-from bsa.plugins.pybamm.presets import presets, resolve_space
+from bsa.plugins.pybamm.before_search.presets import presets, resolve_space
 
 PAGE = (Path(__file__).parents[2] / "docs" / "search-spaces.md").read_text(encoding="utf-8")
 BASE = CellModel("Chen2020")

@@ -14,7 +14,7 @@ from bsa.experiments.cli.discover import discover as command
 from bsa.experiments.discovery_journal import opened
 from bsa.experiments.tasks.find import PACKAGED
 from bsa.experiments.tasks.parameter_source import parameter_source
-from bsa.plugins.pybamm.parameter_sets import load
+from bsa.plugins.pybamm.cells.parameter_sets import load
 
 DEMO = PACKAGED / "demo.csv"
 

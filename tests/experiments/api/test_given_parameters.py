@@ -8,7 +8,7 @@ import pytest
 from bsa.core.errors import BsaError
 from bsa.core.task import ParameterFile
 from bsa.experiments.api.given_parameters import given_parameters
-from bsa.plugins.pybamm.parameter_sets import load
+from bsa.plugins.pybamm.cells.parameter_sets import load
 
 
 def test_a_name_and_a_path_are_text():

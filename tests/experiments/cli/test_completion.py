@@ -6,8 +6,8 @@ import sys
 
 import pytest
 from bsa.experiments.cli import completion
-from bsa.plugins.pybamm import parameter_sets
-from bsa.plugins.pybamm.presets import presets
+from bsa.plugins.pybamm.before_search.presets import presets
+from bsa.plugins.pybamm.cells import parameter_sets
 
 BSA = "import sys; sys.argv[0] = 'bsa'; from bsa.experiments.cli.main import main; main()"
 

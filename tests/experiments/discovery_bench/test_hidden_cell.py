@@ -17,8 +17,8 @@ from bsa.experiments.discovery_bench.hidden_cell import Hidden, measure
 from bsa.experiments.discovery_bench.hidden_physics import EFFECTS, HiddenEffect
 from bsa.experiments.discovery_bench.making import DESCRIPTION, make_cases, unseal
 from bsa.experiments.discovery_bench.protocols import Step
-from bsa.plugins.pybamm.driven_cell import DrivenCell
-from bsa.plugins.pybamm.resolution import Resolution
+from bsa.plugins.pybamm.modelling.resolution import Resolution
+from bsa.plugins.pybamm.solving.driven_cell import DrivenCell
 
 CELL = ("hidden_cell", "hidden_physics", "protocols", "draws")
 

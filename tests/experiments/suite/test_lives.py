@@ -8,7 +8,7 @@ from bsa.experiments.suite.build import build_task
 from bsa.experiments.suite.lives import life_cases
 from bsa.experiments.suite.selection import load_suite
 from bsa.experiments.suite.target import cell_of, experiment_of
-from bsa.plugins.pybamm.presets import preset_space
+from bsa.plugins.pybamm.before_search.presets import preset_space
 
 CASES = life_cases(2026)
 

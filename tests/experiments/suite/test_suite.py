@@ -14,7 +14,7 @@ from bsa.experiments.suite.generated import COLUMNS, all_cases, generate, genera
 from bsa.experiments.suite.published import _BESIDE_THE_REPOSITORY, published_cases
 from bsa.experiments.suite.random import SETS, random_cases
 from bsa.experiments.suite.selection import choose, load_suite
-from bsa.plugins.pybamm.presets import resolve_space
+from bsa.plugins.pybamm.before_search.presets import resolve_space
 
 has_published = pytest.mark.skipif(not _BESIDE_THE_REPOSITORY.is_dir(), reason="needs ../shared/reference-suite")
 

@@ -8,7 +8,7 @@ from bsa.core.task import CellModel
 from bsa.core.trajectory import Trajectory
 from bsa.experiments.tasks.cell_size import size_factor, starting_soc
 from bsa.experiments.tasks.record_request import RecordRequest
-from bsa.plugins.pybamm.parameter_sets import load
+from bsa.plugins.pybamm.cells.parameter_sets import load
 
 CHEN = CellModel("Chen2020", "SPM")
 HOLDS_AH = 5.15

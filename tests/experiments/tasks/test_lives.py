@@ -149,7 +149,7 @@ def test_a_simulated_life_is_fitted_and_forecast(tmp_path: Path) -> None:
     """Two parameters from the first eight cycles, each off by a factor; the last seven lie in the band."""
     from bsa.core.target import Value
     from bsa.core.task import CellModel, Experiment
-    from bsa.plugins.pybamm.long_experiment import LongExperiment
+    from bsa.plugins.pybamm.solving.long_experiment import LongExperiment
 
     options = {"SEI": "solvent-diffusion limited", "SEI film resistance": "distributed"}
     cycle = ("Charge at 5 A until 4.2 V", "Rest for 10 minutes", "Discharge at 5 A until 2.6 V", "Rest for 10 minutes")

@@ -14,8 +14,8 @@ from bsa.experiments.run_record import RunRecord
 from bsa.experiments.tasks.parameter_source import parameter_source, with_its_space
 from bsa.experiments.tasks.record_request import RecordRequest
 from bsa.experiments.tasks.records import build_task
-from bsa.plugins.pybamm.parameter_sets import load
-from bsa.plugins.pybamm.state_of_charge import InitialState
+from bsa.plugins.pybamm.cells.parameter_sets import load
+from bsa.plugins.pybamm.cells.state_of_charge import InitialState
 
 SHAPE = "Positive electrode OCP correction at stoichiometry 0.5 [V]"
 

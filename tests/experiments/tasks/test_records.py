@@ -15,9 +15,9 @@ from bsa.experiments.tasks.cell_for_records import WIDTH, volume_and_surface, wi
 from bsa.experiments.tasks.measured_cell import CONTACT, RESISTANCE
 from bsa.experiments.tasks.record_request import RecordRequest
 from bsa.experiments.tasks.records import build_task, holding_out
-from bsa.plugins.pybamm.parameter_files import as_json
-from bsa.plugins.pybamm.parameter_sets import load
-from bsa.plugins.pybamm.state_of_charge import InitialState, equilibrium_capacity_ah
+from bsa.plugins.pybamm.cells.parameter_files import as_json
+from bsa.plugins.pybamm.cells.parameter_sets import load
+from bsa.plugins.pybamm.cells.state_of_charge import InitialState, equilibrium_capacity_ah
 
 SOC = "Initial state of charge"
 

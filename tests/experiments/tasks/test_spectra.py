@@ -17,8 +17,8 @@ from bsa.experiments.cli.main import app, main
 from bsa.experiments.run_record import read_run
 from bsa.experiments.task_request import CellChoice, Records, task_of_records
 from bsa.plugins.proposers.stage_data import view_of
-from bsa.plugins.pybamm.solving import solve_reference
-from bsa.plugins.pybamm.state_of_charge import InitialState
+from bsa.plugins.pybamm.cells.state_of_charge import InitialState
+from bsa.plugins.pybamm.solving.experiment_kinds import solve_reference
 from typer.testing import CliRunner
 
 pytestmark = pytest.mark.usefixtures("simulated_here")

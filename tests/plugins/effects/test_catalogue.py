@@ -10,9 +10,9 @@ from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.effects.catalogue import EFFECTS, entries
 from bsa.plugins.pybamm.augmentation import PyBaMMPart, augmented_cell
-from bsa.plugins.pybamm.drive import current_function
-from bsa.plugins.pybamm.driven_cell import DrivenCell
-from bsa.plugins.pybamm.ocp_shape import bump
+from bsa.plugins.pybamm.cells.ocp_shape import bump
+from bsa.plugins.pybamm.modelling.drive import current_function
+from bsa.plugins.pybamm.solving.driven_cell import DrivenCell
 
 NAMES = {
     "contact-resistance",

@@ -3,7 +3,7 @@ from bsa.core.segmentation import segment
 from bsa.core.task import CellModel
 from bsa.core.trajectory import StepKind, Trajectory
 from bsa.plugins.effects.electrical import double_layer_capacitance
-from bsa.plugins.pybamm.driven_cell import DrivenCell
+from bsa.plugins.pybamm.solving.driven_cell import DrivenCell
 
 
 def test_a_double_layer_of_no_capacitance_can_be_simulated_behind_a_drive():

@@ -151,7 +151,7 @@ def test_failed_trials_are_ordered_by_how_far_they_got_and_then_by_how_well() ->
 
 
 def test_a_cell_that_outlasts_its_steps_is_made_smaller() -> None:
-    from bsa.plugins.pybamm.presets import preset_space
+    from bsa.plugins.pybamm.before_search.presets import preset_space
 
     space = preset_space("Chen2020", "geometry")
     direction = dict(zip(space.names, smaller_direction(replace(failing_task(), space=space)), strict=True))

@@ -108,7 +108,7 @@ def test_a_cell_that_never_simulates_ends_without_an_error(run_toy: RunToy) -> N
 
 
 def test_gentle_means_smaller_particles_and_more_pores() -> None:
-    from bsa.plugins.pybamm.presets import preset_space
+    from bsa.plugins.pybamm.before_search.presets import preset_space
 
     space = preset_space("Chen2020", "geometry")
     direction = dict(zip(space.names, gentle_direction(replace(toy_task(), space=space)), strict=True))

@@ -8,7 +8,7 @@ from bsa.core.comparison.residuals import DURATION_TOLERANCE, rows_of
 from bsa.core.scaffold import load_scaffold
 from bsa.plugins.proposers.stage_data import view_of
 from bsa.plugins.proposers.staged import StagedOptions
-from bsa.plugins.pybamm.presets import presets
+from bsa.plugins.pybamm.before_search.presets import presets
 from bsa_toy_cell import toy_task
 from bsa_toy_life import life, life_task
 

@@ -7,8 +7,8 @@ import pytest
 from bsa.core.target import CellChange, target_named
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Trajectory
-from bsa.plugins.pybamm.compiled import CompiledExperiment
-from bsa.plugins.pybamm.solving import solve_reference
+from bsa.plugins.pybamm.solving.compiled import CompiledExperiment
+from bsa.plugins.pybamm.solving.experiment_kinds import solve_reference
 
 GEOMETRY = (
     "Negative particle radius [m]",

@@ -15,9 +15,9 @@ from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import FloatArray, Step, StepKind, Trajectory
 from bsa.experiments.api.scripts import namespace_of
 from bsa.plugins.pybamm.augmentation import effects_in
-from bsa.plugins.pybamm.equilibrium import EquilibriumCell
-from bsa.plugins.pybamm.export import script
-from bsa.plugins.pybamm.solving import compiled, solve_reference
+from bsa.plugins.pybamm.export.calibrated_script import script
+from bsa.plugins.pybamm.solving.equilibrium import EquilibriumCell
+from bsa.plugins.pybamm.solving.experiment_kinds import compiled, solve_reference
 
 HYSTERESIS = CellModel("Chen2020", "SPM", effects=("ocp-hysteresis",))
 GAP, DECAY = "ocp-hysteresis: half_gap [V]", "ocp-hysteresis: decay"

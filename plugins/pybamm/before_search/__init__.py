@@ -1,0 +1,1 @@
+"""What is settled before a search: its ranges, usual rates and potentials, the mesh, and what has no influence."""

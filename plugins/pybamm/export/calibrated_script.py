@@ -1,0 +1,202 @@
+"""The calibrated cell as a Python script that needs pybamm alone."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ....core.cell import FREQUENCY
+from ....core.effect import Effect
+from ....core.parameters import Candidate
+from ....core.printable import shown
+from ....core.protocol_text import runs_of
+from ....core.target import CellChange
+from ....core.task import CellModel, Experiment, ParameterFile, Task
+from ....core.trajectory import StepKind
+from ..augmentation import augmented_cell, part_of
+from ..cells.diffusivity_shape import by_diffusivity
+from ..cells.ocp_shape import BUMP_WIDTH, OcpCurves
+from ..cells.parameter_files import as_json
+from ..cells.parameter_sets import FILL_FROM, bake, load, pybamm
+from ..cells.state_of_charge import InitialState, changed_values
+from ..modelling import drive
+from ..modelling.compiled_cell import added_potentials, start_of
+from ..modelling.resolution import REFERENCE
+from ..solving.spectrum_experiment import DOUBLE_LAYERS
+from ..solving.step_solutions import step_kind
+from .quoted_effects import quoted
+
+_TEMPLATE = "best_parameters.py.j2"
+
+_MAX_SOLVER_STEPS = 20_000
+
+_BRACKETS = {dict: ("{", "}"), list: ("[", "]"), tuple: ("(", ")")}
+_LINE = 80
+
+
+def script(
+    task: Task, candidate: Candidate, effects: Sequence[Effect] = (), file_name: str = "best_parameters.py"
+) -> str:
+    """Python source that simulates a candidate as the final score does, without this package.
+
+    A script that runs by itself, and a module that offers ``parameter_values()``, ``model()`` and ``simulate()``; it
+    will be called ``file_name``. Names and protocol strings come from files and models: they enter as literals only,
+    never as code or comments. ``candidate`` has a value for every searched parameter and for the effects' parameters.
+    """
+    change = task.space.change(candidate)
+    cell = augmented_cell(task.cell, effects)
+    from_file = isinstance(task.cell.parameter_set, ParameterFile)
+    tables: dict[str, str] = {}
+    cut_offs: dict[str, float] = {}
+    drive.widen_cut_offs(cut_offs)
+    return filled(
+        _TEMPLATE,
+        literal,
+        pybamm_version=pybamm.__version__,
+        fill_from=FILL_FROM,
+        parameter_set=str(task.cell.parameter_set),
+        embedded=parameter_values_json(task.cell, change) if from_file else "",
+        file_name=file_name,
+        model=cell.model,
+        options={key: tuple(value) if isinstance(value, list) else value for key, value in cell.options.items()},
+        effects=[quoted(number, effect, candidate) for number, effect in enumerate(effects, start=1)],
+        points={name: count for effect in effects for name, count in part_of(effect).points.items()},
+        overrides={name: float(value) for name, value in task.cell.overrides.items()},
+        calibrated=dict(change.values),
+        factors={} if from_file else dict(change.factors),
+        bumps={} if from_file else _bumps(task.cell, change),
+        diffusivity_factors={} if from_file else by_diffusivity(change.diffusivity_shape),
+        bump_width=BUMP_WIDTH,
+        records=[
+            _record(
+                task.cell, experiment, change, tables, _start_soc(task.cell, experiment, change, effects, candidate)
+            )
+            for experiment in task.experiments
+        ],
+        tables=tables,
+        spectra=any(experiment.is_spectrum for experiment in task.experiments),
+        double_layers=DOUBLE_LAYERS,
+        rtol=REFERENCE.rtol,
+        atol=REFERENCE.atol,
+        max_solver_steps=_MAX_SOLVER_STEPS,
+        cut_offs=cut_offs,
+    )
+
+
+def filled(template: str, as_literal: Callable[[Any], str], **content: Any) -> str:
+    """A template of a script, filled in: every value stands in it as a literal, or in a comment of one line."""
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,  # the product is Python: every value goes through `as_literal` instead
+    )
+    environment.filters["literal"] = as_literal
+    environment.filters["comment"] = lambda text: shown(text, 1000)
+    return environment.get_template(template).render(**content)
+
+
+def parameter_values_json(cell: CellModel, change: CellChange) -> str:
+    """The changed cell's whole parameter set as JSON that ``pybamm.ParameterValues.from_json`` reads."""
+    return as_json(changed_values(cell, change))
+
+
+def _bumps(cell: CellModel, change: CellChange) -> dict[str, dict[float, float]]:
+    """Height in V by stoichiometry of what is added to open-circuit potentials, by PyBaMM's names of these."""
+    if not change.ocp_shape:
+        return {}
+    found: dict[str, dict[float, float]] = {}
+    falling = OcpCurves(load(cell.parameter_set, cell.overrides)).falling(change)
+    for target, height in falling.ocp_shape.items():
+        found.setdefault(target.ocp, {})[target.stoichiometry] = height
+    return found
+
+
+def literal(value: Any, indent: int = 0) -> str:
+    """A value as a Python literal in ASCII, one entry a line where it does not fit on one.
+
+    Non-printable and non-ASCII characters come out as escapes: a name must not disguise what the script does.
+    """
+    if isinstance(value, str):
+        text = ascii(value)
+        return f'"{value}"' if text == f"'{value}'" and '"' not in value else text
+    if not isinstance(value, (dict, list, tuple)):
+        return ascii(value)
+    opening, closing = _BRACKETS[type(value)]
+    deeper = indent + 4
+    if isinstance(value, dict):
+        entries = [f"{literal(key)}: {literal(entry, deeper)}" for key, entry in value.items()]
+    else:
+        entries = [literal(entry, deeper) for entry in value]
+    line = ", ".join(entries) + "," * (isinstance(value, tuple) and len(value) == 1)
+    if len(line) + indent <= _LINE and "\n" not in line:
+        return f"{opening}{line}{closing}"
+    return opening + "".join(f"\n{' ' * deeper}{entry}," for entry in entries) + f"\n{' ' * indent}{closing}"
+
+
+def _start_soc(
+    cell: CellModel, experiment: Experiment, change: CellChange, effects: Sequence[Effect], candidate: Candidate
+) -> float | None:
+    """The state of charge at which an experiment starts, as `CompiledCell` finds it; None leaves it to the set."""
+    start = start_of(experiment)
+
+    def soc_at(voltage: float) -> float:
+        values = load(cell.parameter_set, cell.overrides)
+        start.set_temperatures(values)
+        return InitialState(values).soc_at(voltage, change, added_potentials(values, effects, candidate))
+
+    return start.soc_of(change, soc_at)
+
+
+def _record(
+    cell: CellModel, experiment: Experiment, change: CellChange, tables: dict[str, str], soc: float | None
+) -> dict[str, Any]:
+    """How one experiment is simulated; current profiles go into ``tables``."""
+    content: dict[str, Any] = {
+        "name": experiment.name,
+        "temperature_k": None if experiment.temperature_k is None else float(experiment.temperature_k),
+        **_initial_temperature(experiment),
+        "initial_soc": None if soc is None else float(soc),
+        "initial_concentrations": _initial_concentrations(cell, change, soc),
+    }
+    if experiment.is_spectrum:
+        return {**content, "frequencies": [float(f"{hz:.6g}") for hz in experiment.target.values(FREQUENCY.name)]}
+    if experiment.protocol is not None:
+        return {**content, "protocol": [(count, list(cycle)) for count, cycle in runs_of(experiment.protocol)]}
+    steps = drive.steps_of_record(experiment.target)
+    return {**content, "currents": [_current(step, tables) for step in steps], "dt_max": _longest_solver_step(steps)}
+
+
+def _initial_temperature(experiment: Experiment) -> dict[str, float]:
+    initial = experiment.initial_temperature_k
+    return {} if initial is None else {"initial_temperature_k": float(initial)}
+
+
+def _initial_concentrations(cell: CellModel, change: CellChange, soc: float | None) -> dict[str, float]:
+    """As in `CompiledCell`: state of charge and lithium as concentrations, of the calibrated cell; empty without."""
+    if soc is None and change.cyclable_lithium == 1.0:
+        return {}
+    values = load(cell.parameter_set, cell.overrides)
+    bake(values, change)
+    return InitialState(values).concentrations(CellChange(cyclable_lithium=change.cyclable_lithium), soc)
+
+
+def _current(step: Any, tables: dict[str, str]) -> tuple[float | str, float]:
+    """Current in A, or the name of its table, and the duration in s."""
+    duration = float(step.duration)
+    if isinstance(step.input_value, (int, float)):
+        return float(step.input_value), duration
+    name = f"profile {len(tables) + 1}"
+    tables[name] = "\n".join(f"{time:.9g} {current:.9g}" for time, current in step.input_value)
+    return name, duration
+
+
+def _longest_solver_step(steps: list[Any]) -> float | None:
+    """The integrator must not step over what a drive cycle resolves."""
+    spacing = [float(np.median(np.diff(s.input_value[:, 0]))) for s in steps if step_kind(s) is StepKind.DRIVE]
+    return max(60.0, 20.0 * max(spacing)) if spacing else None

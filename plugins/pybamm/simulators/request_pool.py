@@ -1,0 +1,108 @@
+"""A discovery's simulator in worker processes: what does not depend on one another is simulated side by side."""
+
+import pickle
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Generic, Protocol, TypeVar
+
+from ....core.effect import Effect
+from ....core.errors import BsaError
+from .processes import Pool, Report
+
+
+class Asks(Protocol):
+    """A request."""
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """What is added to the base model."""
+        ...
+
+
+Asked = TypeVar("Asked", bound=Asks)
+Given = TypeVar("Given")
+
+
+@dataclass(frozen=True)
+class _Answer(Generic[Given]):
+    """What was simulated, and what the worker's simulator refused to build, by the effects' names."""
+
+    given: Given | None
+    refused: Mapping[str, str]
+
+
+class RequestService(ABC):
+    """Answers requests with a simulator of its own; see `Service`."""
+
+    _simulator: Any = None
+
+    @abstractmethod
+    def simulator(self) -> Any:
+        """The simulator of a worker; models are compiled when they are first asked for."""
+
+    def request(self, job: Any) -> Any:
+        """What was asked for, from what was sent."""
+        return job
+
+    def prepare(self) -> None:
+        """Import PyBaMM."""
+        from ..cells.parameter_sets import pybamm
+
+        pybamm.set_logging_level("CRITICAL")
+        self._simulator = self.simulator()
+
+    def work(self, job: Any, report: Report) -> _Answer[Any]:
+        """Answer a request."""
+        (given,) = self._simulator.predict([self.request(job)])
+        return _Answer(given, dict(self._simulator.refused))
+
+    def lost(self, cause: str, seconds: float, reported: Any) -> _Answer[Any]:
+        """A request that could not be answered."""
+        return _Answer(None, {})
+
+
+class RequestPool(Generic[Asked, Given]):
+    """Simulates in worker processes, each request with a time limit, s; see `Answering`."""
+
+    has_low_fidelity = False
+    recalled = 0  # Every request is simulated.
+
+    def __init__(self, service: RequestService, workers: int, time_limit_s: float) -> None:
+        self._lock = threading.Lock()
+        self._pool: Pool[Any, _Answer[Given]] = Pool(service, workers, time_limit_s)
+        self.at_once = workers
+        self.refused: dict[str, str] = {}  # Effects that PyBaMM could not build, and why.
+        self.simulations = 0
+
+    def predict(self, requests: Sequence[Asked]) -> list[Given | None]:
+        """Simulate side by side; see `Answering.predict`.
+
+        Raises `BsaError` if an effect cannot be sent to another process.
+        """
+        with self._lock:
+            jobs = [self._job(request) for request in requests]
+            self.simulations += len(jobs)
+        answers: dict[int, _Answer[Given]] = {}
+        try:
+            for place, answer in self._pool.run(jobs):
+                answers[place] = answer
+                self.refused.update(answer.refused)
+        except (pickle.PicklingError, AttributeError, TypeError) as error:
+            names = sorted({effect.key for request in requests for effect in request.effects})
+            raise BsaError(
+                f"the effects {', '.join(names)} cannot be sent to a worker process: {error}.",
+                "write their functions at the top level of a module, not as lambdas or inside other functions.",
+            ) from None
+        return [answers[place].given for place in range(len(jobs))]
+
+    def _job(self, request: Asked) -> Any:
+        """The request as it is sent."""
+        # Whether records can show an effect was asked before; the function that says so need not be sent.
+        effects = tuple(replace(effect, lacks=None) for effect in request.effects)
+        return replace(request, effects=effects)  # type: ignore[type-var]
+
+    def close(self) -> None:
+        """End all processes."""
+        self._pool.close()

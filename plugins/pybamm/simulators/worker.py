@@ -1,0 +1,120 @@
+"""A task's candidates, simulated in worker processes that keep its compiled models warm."""
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ....core.errors import BsaError
+from ....core.parameters import Candidate
+from ....core.simulation import ExperimentRun, Outcome, SimulationFailure
+from ....core.target import Target, change_of
+from ....core.task import CellModel, Experiment
+from ..modelling.resolution import FINE, REFERENCE, Resolution
+from .processes import Pool, Report
+
+_REFERENCE_ALLOWANCE = 10.0
+"""A reference solve builds its model anew, on a finer mesh at tighter tolerances: it may take this much longer."""
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """What a worker simulates, over and over: the task without its bounds."""
+
+    cell: CellModel  # Equations and base parameters.
+    experiments: tuple[Experiment, ...]  # The records to simulate.
+    targets: Mapping[str, Target]  # What a candidate sets, by the names that it uses.
+
+
+class CandidateService:
+    """Simulates every experiment of an assignment for one candidate after another; see `Service`."""
+
+    def __init__(self, assignment: Assignment) -> None:
+        self._assignment = assignment
+        self._compiled: list[Any] = []
+
+    def prepare(self) -> None:
+        """Compile the experiments."""
+        from ..cells.parameter_sets import pybamm
+        from ..solving.experiment_kinds import compiled
+
+        pybamm.set_logging_level("CRITICAL")
+        cell, targets = self._assignment.cell, self._assignment.targets
+        self._compiled = [compiled(cell, experiment, targets) for experiment in self._assignment.experiments]
+
+    def work(self, job: tuple[Candidate, Resolution | None], report: Report) -> Outcome:
+        """Simulate a candidate; what it provokes is a failed trial with the experiments that were done before."""
+        candidate, resolution = job
+        started = time.perf_counter()
+        runs: list[ExperimentRun] = []
+        try:
+            for number in range(len(self._compiled)):
+                runs.append(self._simulate(number, candidate, resolution, report))
+        except BsaError:
+            raise
+        except Exception as error:
+            reason = f"{type(error).__name__}: {error}".splitlines()[0][:200]
+            runs += [ExperimentRun(None, SimulationFailure(reason))] * (len(self._compiled) - len(runs))
+        return Outcome(tuple(runs), time.perf_counter() - started)
+
+    def _simulate(
+        self, number: int, candidate: Candidate, resolution: Resolution | None, report: Report
+    ) -> ExperimentRun:
+        from ..solving.experiment_kinds import solve_reference
+
+        def on_step(step: str, cycle: int) -> None:
+            report((number, step, cycle))
+
+        if resolution is not None:
+            change = change_of(self._assignment.targets, candidate)
+            experiment = self._assignment.experiments[number]
+            return solve_reference(self._assignment.cell, experiment, change, resolution, on_step)
+        run: ExperimentRun = self._compiled[number].solve(candidate, on_step)
+        return run
+
+    def lost(self, cause: str, seconds: float, reported: Any) -> Outcome:
+        """A trial that failed in the step that was reported last."""
+        _, step, cycle = reported or (0, "", 0)
+        failure = SimulationFailure(cause, step, cycle)
+        return Outcome((ExperimentRun(None, failure),) * len(self._assignment.experiments), seconds)
+
+
+class WorkerPool:
+    """Simulates candidates side by side, in at most ``size`` processes; each starts when first needed.
+
+    ``cycled`` is told of lives the cycle of the simulation that is farthest, and how many cycles that one has.
+    """
+
+    def __init__(
+        self,
+        assignment: Assignment,
+        size: int,
+        time_limit_s: float,
+        cycled: Callable[[int, int], None] = lambda cycle, cycles: None,
+    ) -> None:
+        self._cycles = [len(e.protocol or ()) if e.long else 0 for e in assignment.experiments]
+        self._cycled, self._told = cycled, (0, 0)
+        self.processes = Pool(CandidateService(assignment), size, time_limit_s, self._watch)
+
+    def _watch(self, reports: Sequence[tuple[int, str, int]]) -> None:
+        number, _, cycle = max(reports, key=lambda report: (report[0], report[2]))
+        if self._cycles[number] and (number, cycle) != self._told:
+            self._told = number, cycle
+            self._cycled(cycle, self._cycles[number])
+
+    def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
+        """Simulate all candidates; the place and the outcome of each as it finishes."""
+        return self._at(REFERENCE if exact else None, candidates)
+
+    def simulate_finer(self, candidate: Candidate) -> Outcome:
+        """Simulate a candidate on a mesh of twice the points."""
+        ((_, outcome),) = self._at(FINE, [candidate])
+        return outcome
+
+    def _at(self, resolution: Resolution | None, candidates: Sequence[Candidate]) -> Iterator[tuple[int, Outcome]]:
+        jobs = [(dict(candidate), resolution) for candidate in candidates]
+        return self.processes.run(jobs, 1.0 if resolution is None else _REFERENCE_ALLOWANCE)
+
+    def close(self) -> None:
+        """End all processes."""
+        self.processes.close()

@@ -1,0 +1,1 @@
+"""Experiments of every kind, compiled once and solved for any candidate."""

@@ -1,0 +1,340 @@
+"""A cell driven by one measured current, with or without effects, compiled once and solved for any candidate."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....core.contracts.border import border
+from ....core.effect import Effect
+from ....core.parameters import Candidate
+from ....core.target import CellChange, Target
+from ....core.task import CellModel
+from ....core.trajectory import FloatArray, Trajectory
+from ..modelling.compiled_cell import OFFSET, PAUSE, SOLVER_ERRORS, CompiledCell, Start, first_line
+from ..modelling.drive import DELAY, EMPTY_V, FULL_V, JUMP_S, current_function, one_after_another, shown_range
+from ..modelling.resolution import FINE as UNIFORM_FINE
+from ..modelling.resolution import Resolution
+from .output_times import output_times
+
+_NEVER = (1e12, 1e12)
+"""A pause that never comes, s."""
+
+_T_NO_PROGRESS_S = 10.0
+"""A solve that advances less than this in 400 steps has failed, s."""
+
+_STUCK = 3
+"""Times that the limit may be reached again within one pause."""
+
+_FROM_LIMIT = Resolution(rtol=1e-4, least_atol=1e-5)
+"""Tolerances with which a cell goes on from its limit where its own are too tight: the surfaces of its particles hold
+no lithium there, and potentials consistent to 1e-7 may not be found. Voltages differ by less than 0.1 mV."""
+
+_Part = tuple[FloatArray, FloatArray, FloatArray]
+"""Time, voltage and temperature of a stretch of a simulation."""
+
+_OUTPUTS = ("Voltage [V]", "Volume-averaged cell temperature [K]")
+
+SEARCH = Resolution(standard_mesh=True, radial_stretch=2.0)
+"""For a discovery, whose base parameters change no length of the mesh.
+
+What a changed current does in its first seconds happens in a fraction of PyBaMM's outermost radial cell, half of which
+then acts as a resistance. On Chen2020, Marquis2019, Mohtat2020 and OKane2022 at 25 degC, 20 uniform points are 0.4 to
+1.2 mV (rms) from 160 in fast discharges, and 0.8 to 5.1 mV in drive cycles. With this stretch both are 0.1 to 0.9 mV;
+with 1.5 or 2.5, 0.05 to 1.5 mV.
+"""
+
+FINE = replace(UNIFORM_FINE, radial_stretch=SEARCH.radial_stretch)
+"""Twice the points of that; see `resolution.FINE`."""
+
+
+def _options_of_drive(finest_s: float) -> dict[str, Any]:
+    """Of a current that varies all the time, for an integrator that starts afresh at every knot."""
+    return {
+        "dt_init": 0.25 * finest_s,
+        # Beside the drive too no step may be long, since voltages between steps are interpolated.
+        "dt_max": max(10.0, 5.0 * finest_s),
+        "t_no_progress": min(_T_NO_PROGRESS_S, 20.0 * finest_s),
+    }
+
+
+@dataclass(frozen=True)
+class Pause:
+    """A time in which the simulated cell could not follow the measured current: it passed none."""
+
+    # start, end: When it reached its limit, and when the step of the record ended, s on the record's clock; infinite
+    # where the simulation could not go on.
+    start: float
+    end: float
+    empty: bool  # Whether it was empty; else it was full.
+
+    def holds(self, times: FloatArray) -> NDArray[np.bool_]:
+        """Which times lie in it."""
+        return np.asarray((times > self.start) & (times <= self.end))
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """What the cell did at the wanted times, as far as it was simulated."""
+
+    # voltage, temperature: At the terminals, V, and averaged over the volume, K; constant after the end of a simulation
+    # that failed. Shape (n,).
+    voltage: FloatArray
+    temperature: FloatArray
+    pauses: tuple[Pause, ...]  # When the cell was empty or full.
+    reached: float  # The last simulated time, s on the record's clock.
+    cause: str = ""  # Why the integrator gave up; empty if it did not.
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """What the cell did at the wanted times."""
+
+    voltage: FloatArray  # Volt, as the instrument writes it down. Shape (n,).
+    temperature: FloatArray  # Volume-averaged temperature, kelvin. Shape (n,).
+
+
+class DrivenCell:
+    """One record on one cell model, with or without effects.
+
+    Parameters
+    ----------
+    record : Trajectory
+        Supplies the current; cut into steps.
+    targets : mapping of str to Target
+        What a candidate sets of the base parameters, by the names that it uses.
+    temperature_k : float or None
+        Ambient temperature; None keeps the set's.
+    start : Start, optional
+        Where the record begins, for `follow`; `solve` is told at each call.
+    others : sequence of Trajectory
+        Further records whose currents the compiled cell can follow; see `on_other`.
+    initial_k : float or None
+        Temperature of the cell at the start; None for the ambient one.
+
+    Attributes
+    ----------
+    heats : bool
+        Whether the temperature changes.
+    """
+
+    def __init__(
+        self,
+        cell: CellModel,
+        effects: Sequence[Effect],
+        record: Trajectory,
+        targets: Mapping[str, Target],
+        temperature_k: float | None = None,
+        resolution: Resolution = SEARCH,
+        start: Start | None = None,
+        baked: CellChange | None = None,
+        others: Sequence[Trajectory] = (),
+        initial_k: float | None = None,
+    ) -> None:
+        self._effects = tuple(effects)
+        self._records = (record, *others)
+        self._drives = [current_function(one) for one in self._records]
+        joined, self._delays = one_after_another(self._drives)
+        self._cell = CompiledCell(
+            cell,
+            targets,
+            start or Start(temperature_k=temperature_k, initial_temperature_k=initial_k),
+            resolution,
+            baked,
+            effects,
+            joined,
+            any_start=start is None,
+        )
+        self._drive_by(0)
+        self.heats = self._cell.heats
+        self._model = self._cell.built_model()
+        # A near-singular candidate can spin for minutes and fill the memory with its steps: one that crawls has failed.
+        options: dict[str, Any] = {
+            "max_num_steps": 30_000,
+            "num_steps_no_progress": 400,
+            "t_no_progress": _T_NO_PROGRESS_S,
+            # Potentials follow the current at once: their error test would cut the steps behind every jump to a
+            # hundredth of what concentrations allow. At each step all potentials are solved for anyway.
+            "suppress_algebraic_error": True,
+        }
+        if self._drive.finest_s is not None:
+            options |= _options_of_drive(self._drive.finest_s)
+        how: dict[str, Any] = {"output_variables": list(_OUTPUTS), "on_failure": "ignore"}
+        self._solver = self._cell.solver(options, **how)
+        self._solver_from_limit = self._cell.solver(options, _FROM_LIMIT, **how)  # compiled when it is first needed
+
+    def _drive_by(self, place: int) -> None:
+        self._drive, self._delay_s = self._drives[place], self._delays[place]
+        self._stops = self._drive.stops
+        self._shown_v = shown_range(self._cell.window_v, self._records[place].voltage)
+        self._restarts = np.union1d(self._stops, self._drive.varying)
+
+    def within_limits(self, voltage: FloatArray) -> NDArray[np.bool_]:
+        """Which samples show a cell that neither ran empty nor overfull."""
+        lowest, highest = self._shown_v
+        return np.asarray((voltage > lowest) & (voltage < highest), dtype=np.bool_)
+
+    def on_other(self, place: int) -> DrivenCell:
+        """The same compiled cell, driven by the current of one of the other records."""
+        other = copy(self)
+        other._drive_by(place + 1)
+        return other
+
+    def solve(
+        self,
+        candidate: Candidate,
+        times: FloatArray,
+        current: FloatArray,
+        soc: float | None = None,
+        offset: float = 0.0,
+    ) -> Curve | None:
+        """Simulate one candidate as the instruments show it.
+
+        Parameters
+        ----------
+        candidate : Candidate
+            A value for every searched parameter and for the effects' parameters.
+        times : ndarray of shape (n,)
+            When the voltage is wanted, on the record's clock, s, never decreasing.
+        current : ndarray of shape (n,)
+            The measured current then, for effects of the instrument, A.
+        soc : float or None
+            State of charge at the start, 0 to 1; None keeps the set's own.
+        offset : float
+            What is added to the measured current, A.
+
+        Returns
+        -------
+        Curve or None
+            None if the simulation failed.
+        """
+        wanted = times
+        for effect in self._effects:
+            if effect.measurement is not None and effect.measurement.clock is not None:
+                with border(f"effect {effect.key}", "clock"):
+                    wanted = effect.measurement.clock(wanted, effect.values(candidate))
+        response = self.follow(candidate, wanted, soc, offset)
+        if response.cause:
+            return None
+        voltage = response.voltage
+        for effect in self._effects:
+            if effect.measurement is not None and effect.measurement.voltage is not None:
+                with border(f"effect {effect.key}", "voltage"):
+                    voltage = effect.measurement.voltage(voltage, current, effect.values(candidate))
+        return Curve(voltage, response.temperature) if np.all(np.isfinite(voltage)) else None
+
+    def follow(
+        self, candidate: Candidate, times: FloatArray, soc: float | None = None, offset: float = 0.0
+    ) -> Response:
+        """Simulate the cell itself, whatever it runs into; arguments as for `solve`.
+
+        A candidate that empties (or overfills) its cell before a step ends must say how wrong it is, not fail: it
+        shows the limit and passes no current until the step ends, and goes on from there. So the error grows
+        steadily with the charge that is lacking, and a fit finds its way back.
+        """
+        first, last = float(self._stops[0]), float(self._stops[-1])
+        parts: list[_Part] = []
+        pauses: list[Pause] = []
+        times = np.clip(times, first, last)
+        try:
+            inputs = self._cell.inputs(candidate, soc) | {OFFSET: offset}
+            cause = self._go_through(inputs, times, parts, pauses)
+        except ValueError as error:
+            cause = first_line(error)
+        if not parts:
+            nothing = np.full(len(times), np.nan)
+            return Response(nothing, nothing, (), first, cause)
+        clock, voltage, kelvin = (np.concatenate(series) for series in zip(*parts, strict=True))
+        if cause and pauses:
+            # A cell at its limit that cannot be simulated on stays there.
+            pauses.append(replace(pauses[-1], start=float(clock[-1]), end=np.inf))
+            cause = ""
+        voltage, kelvin = np.interp(times, clock, voltage), np.interp(times, clock, kelvin)
+        for shown in pauses:
+            voltage[shown.holds(times)] = EMPTY_V if shown.empty else FULL_V
+        voltage = np.clip(voltage, *self._shown_v)
+        return Response(voltage, kelvin, tuple(pauses), float(clock[-1]), cause)
+
+    def _go_through(self, inputs: dict[str, float], times: FloatArray, parts: list[_Part], pauses: list[Pause]) -> str:
+        """Simulate the record part by part, with a pause after each but the last; why it ended early, if it did."""
+        last = float(self._stops[-1])
+        state: Any = None
+        pause, stuck = _NEVER, 0
+        while stuck < _STUCK:
+            state, cause = self._advance(state, inputs, pause, times)
+            if state is None:
+                return cause
+            parts.append((state.t, *(np.asarray(state[name].data).ravel() for name in _OUTPUTS)))
+            reached = float(state.t[-1])
+            if cause and not self._beyond_cut_off(float(parts[-1][1][-1])):
+                return cause
+            if reached >= last - JUMP_S:
+                return ""
+            if reached < pause[1] and pause is not _NEVER:
+                stuck += 1
+                continue
+            drawn = float(np.interp(reached, self._drive.time, self._drive.current))
+            step_end = float(self._stops[self._stops > reached + JUMP_S][0])
+            pauses.append(Pause(reached, step_end, drawn > 0))
+            # Already over when the integrator goes on, so that the limit is not reached at once again.
+            pause, stuck = (reached - 2 * JUMP_S, step_end), 0
+        return "the cell is at its limit again as soon as no current passes"
+
+    def _beyond_cut_off(self, voltage: float) -> bool:
+        """Whether a cell that the integrator gave up on was about to run empty or full: there its voltage collapses."""
+        lowest, highest = self._cell.window_v
+        return not lowest < voltage < highest
+
+    def current(self, times: FloatArray, pauses: Sequence[Pause]) -> FloatArray:
+        """The current that the cell passed, A, shape (n,)."""
+        current = np.interp(times, self._drive.time, self._drive.current)
+        for pause in pauses:
+            current[pause.holds(times)] = 0.0
+        return current
+
+    def _advance(
+        self, before: Any, inputs: dict[str, float], pause: tuple[float, float], times: FloatArray
+    ) -> tuple[Any, str]:
+        """Solve on from a solution (from the start, where it is None) until the record or the cell ends.
+
+        The solution, None if there is none, and why the integrator gave up, empty if it did not.
+        """
+        start = float(self._stops[0] if before is None else before.t[-1])
+        edges = [edge + after for edge in pause for after in (0.0, JUMP_S) if start < edge + after < self._stops[-1]]
+        stops = np.unique([start, *self._restarts[self._restarts > start], *edges])
+        flows = self.current(0.5 * (stops[1:] + stops[:-1]), ()) != 0.0
+        grid = output_times(times[times > start], stops, flows)
+        # Stops and samples closer than rounding would make steps of no length.
+        stops, grid = (t[np.concatenate([[True], np.diff(t) > 1e-2 * JUMP_S])] for t in (stops, grid))
+        inputs = inputs | dict(zip(PAUSE, pause, strict=True)) | {DELAY: self._delay_s}
+        found, cause = self._solve(self._solver, before, inputs, stops, grid)
+        if before is not None and cause and (found is None or found.t[-1] - start < JUMP_S):
+            return self._solve(self._solver_from_limit, before, inputs, stops, grid)
+        return found, cause
+
+    def _solve(
+        self, solver: Any, before: Any, inputs: dict[str, float], stops: FloatArray, grid: FloatArray
+    ) -> tuple[Any, str]:
+        """Solve on from a solution, or from the start; what `_advance` gives."""
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                if before is None:
+                    found = solver.solve(self._model, t_eval=stops, t_interp=grid, inputs=inputs)
+                else:
+                    # PyBaMM does not go on from an event unless it is told that none was met.
+                    state = before.last_state
+                    state.termination = "final time"
+                    clock, wanted = stops - stops[0], grid - stops[0]
+                    found = solver.step(
+                        state, self._model, clock[-1], t_eval=clock, t_interp=wanted, inputs=inputs, save=False
+                    )
+        except SOLVER_ERRORS as error:
+            return None, first_line(error)
+        return found, "the integrator gave up" if found.termination == "failure" else ""

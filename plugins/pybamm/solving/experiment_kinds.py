@@ -1,0 +1,40 @@
+"""Which way an experiment is simulated: by its protocol, as a life, by its measured current, or as a spectrum."""
+
+from collections.abc import Callable, Mapping
+
+from ....core.simulation import ExperimentRun
+from ....core.target import CellChange, Target
+from ....core.task import CellModel, Experiment
+from ..modelling.resolution import REFERENCE, Resolution
+from .compiled import CompiledExperiment
+from .driven_experiment import DrivenExperiment
+from .long_experiment import LongExperiment
+from .spectrum_experiment import SpectrumExperiment
+
+Simulated = CompiledExperiment | DrivenExperiment | LongExperiment | SpectrumExperiment
+
+
+def compiled(cell: CellModel, experiment: Experiment, targets: Mapping[str, Target]) -> Simulated:
+    """An experiment, ready to be solved for many candidates with the search's accuracy."""
+    return _kind(experiment)(cell, experiment, targets)
+
+
+def solve_reference(
+    cell: CellModel,
+    experiment: Experiment,
+    change: CellChange,
+    resolution: Resolution = REFERENCE,
+    on_step: Callable[[str, int], None] | None = None,
+) -> ExperimentRun:
+    """Simulate a changed cell on PyBaMM's standard mesh at tight tolerance, built for it alone, every cycle of it."""
+    if experiment.long:
+        return LongExperiment(cell, experiment, {}, resolution, baked=change, leave_out=False).solve({}, on_step)
+    return _kind(experiment)(cell, experiment, {}, resolution, baked=change).solve({}, on_step)
+
+
+def _kind(experiment: Experiment) -> type[Simulated]:
+    if experiment.is_spectrum:
+        return SpectrumExperiment
+    if experiment.protocol is None:
+        return DrivenExperiment
+    return LongExperiment if experiment.long else CompiledExperiment

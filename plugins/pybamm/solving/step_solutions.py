@@ -1,0 +1,113 @@
+"""From PyBaMM's solution of an experiment to a trajectory with steps."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ....core.trajectory import FloatArray, Step, StepKind, Trajectory
+from ..cells.parameter_sets import pybamm
+
+_FIRST_SAMPLE_S, _SAMPLE_GROWTH, _LONGEST_SAMPLE_S = 0.1, 1.15, 30.0
+"""Sampling of a voltage hold, whose current falls fastest at its start: every 30 s would miss 1 % of its charge."""
+
+_CURRENT, _VOLTAGE, _TEMPERATURE = "Current [A]", "Voltage [V]", "Volume-averaged cell temperature [K]"
+
+
+def step_kind(step: Any) -> StepKind:
+    """What a PyBaMM experiment step does, from its control and its sign."""
+    if isinstance(step, pybamm.step.Voltage):
+        return StepKind.CV_HOLD
+    if not isinstance(step.input_value, (int, float)):
+        return StepKind.DRIVE
+    if isinstance(step, pybamm.step.Resistance):
+        return StepKind.CC_DISCHARGE
+    if step.input_value == 0:
+        return StepKind.REST
+    return StepKind.CC_DISCHARGE if step.input_value > 0 else StepKind.CC_CHARGE
+
+
+def keep_solver_steps_of_holds(experiment: Any) -> None:
+    """Let the solver keep its own steps during voltage holds, so that they can be sampled at any time."""
+    for step in experiment.steps:
+        if isinstance(step, pybamm.step.Voltage):
+            step.period = None
+
+
+def _sample_times(part: Any, kind: StepKind) -> FloatArray:
+    """When a solved step is sampled: the same times after its start for every candidate, and its end."""
+    stored = np.asarray(part.t)
+    if kind is not StepKind.CV_HOLD:
+        return stored
+    duration = stored[-1] - stored[0]
+    offsets = [0.0]
+    spacing = _FIRST_SAMPLE_S
+    while offsets[-1] + spacing < duration:
+        offsets.append(offsets[-1] + spacing)
+        spacing = min(spacing * _SAMPLE_GROWTH, _LONGEST_SAMPLE_S)
+    # The end itself, not start + duration: a rounding beyond it cannot be interpolated.
+    return np.append(stored[0] + np.array(offsets), stored[-1])
+
+
+@dataclass(frozen=True)
+class Unfinished:
+    """What could be solved of the step in which a simulation died."""
+
+    part: Any  # Its beginning.
+    cycle: int  # Its cycle, from 1.
+    position: int  # Its place in the cycle, from 0.
+
+
+def to_trajectory(
+    solution: Any,
+    protocol_steps: Sequence[Sequence[Any]],
+    with_temperature: bool = True,
+    unfinished: Unfinished | None = None,
+) -> Trajectory | None:
+    """Join the solved steps of an experiment; None if not one step was solved.
+
+    ``protocol_steps`` are the experiment's cycles, each with its steps. One that the protocol skips (its end was
+    already reached) has no samples and does not appear; ``position`` tells which one is missing. The temperature of an
+    isothermal cell says nothing, and reading a variable costs a few per cent of a solve. ``unfinished`` comes last, as
+    a step cut short.
+    """
+    if solution is None or not getattr(solution, "cycles", None):
+        return None
+    times: list[FloatArray] = []
+    signals: dict[str, list[FloatArray]] = {_CURRENT: [], _VOLTAGE: []}
+    if with_temperature:
+        signals[_TEMPERATURE] = []
+    steps: list[Step] = []
+    count = 0
+    for number, (cycle, recipe) in enumerate(zip(solution.cycles, protocol_steps, strict=False), start=1):
+        if cycle is None:
+            continue
+        for position, (part, step) in enumerate(zip(cycle.steps, recipe, strict=False)):
+            if isinstance(part, pybamm.EmptySolution):
+                continue
+            kind = step_kind(step)
+            time = _sample_times(part, kind)
+            times.append(time)
+            for name, signal in signals.items():
+                signal.append(part[name](time) if kind is StepKind.CV_HOLD else part[name].entries)
+            steps.append(Step(kind, count, count + len(time), number, str(step), position))
+            count += len(time)
+    if not steps:
+        return None
+    if unfinished is not None:
+        step, part = protocol_steps[unfinished.cycle - 1][unfinished.position], unfinished.part
+        times.append(np.asarray(part.t))
+        for name, signal in signals.items():
+            signal.append(part[name].entries)
+        last = Step(step_kind(step), count, count + len(part.t), unfinished.cycle, str(step), unfinished.position)
+        steps.append(last)
+    # A step starts an instant after the last one ends; the stamps may differ by rounding only.
+    stamps = np.maximum.accumulate(np.concatenate(times))
+    return Trajectory(
+        stamps - stamps[0],
+        np.concatenate(signals[_CURRENT]),
+        np.concatenate(signals[_VOLTAGE]),
+        np.concatenate(signals[_TEMPERATURE]) if with_temperature else None,
+        tuple(steps),
+    )

@@ -1,0 +1,36 @@
+import multiprocessing
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from bsa.plugins.pybamm.simulators.processes import Pool
+
+
+def test_a_pool_that_is_closed_meanwhile_gives_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Ctrl-C ends the workers while other threads wait for them: that is no failed simulation.
+    pool: Pool[int, str] = Pool(None, 1, 1.0)  # type: ignore[arg-type]
+    monkeypatch.setattr(pool.workers[0], "submit", lambda job, allowance: None)
+
+    def ended(busy: list[Any]) -> Iterator[tuple[Any, str]]:
+        pool.close()
+        yield busy[0], "the simulator process died"
+
+    monkeypatch.setattr(pool, "_finished", ended)
+    with pytest.raises(RuntimeError, match="were ended"):
+        list(pool.run([1]))
+
+
+def test_a_report_is_told_with_the_last_ones_of_all_jobs_at_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[list[Any]] = []
+    pool: Pool[int, str] = Pool(None, 3, 1.0, lambda reports: told.append(list(reports)))  # type: ignore[arg-type]
+    reporting, silent, ended = pool.workers
+    ends = []
+    for worker, message in ((reporting, ("report", 2)), (silent, ("ready", None)), (ended, ("done", "answer"))):
+        worker.connection, theirs = multiprocessing.Pipe()
+        worker.deadline = time.monotonic() + 60.0
+        theirs.send(message)
+        ends.append(theirs)
+    silent.reported = 1
+    assert list(pool._finished([reporting, silent, ended])) == [(ended, "answer")]
+    assert told == [[2, 1]]
