@@ -1,16 +1,18 @@
 """Tables of the other calibration studies: noise, random cells, advice, ablation, time, recovery, warm-up."""
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from ..campaign.statistics import compare
-from ..campaign.summary import Row, exact_interval, geometric_mean, grouped, statistic
+from ..campaign.summary import exact_interval, geometric_mean, grouped, statistic
 from ..campaign.text_tables import Entry, bold, brief, markdown_table, spread, table_of
 from ..studies.coverage import FIT_POINTS, coverage_table, excesses
+from ..studies.evaluation import evaluation_table
 from ..studies.models import cards_table
 from ..studies.no_harm import summary, verdict_of
+from ..studies.recovery import recovery_table
+from ..studies.warmup import warm_up_table
 from .results import Results
 
 _MANY, _CORES = 100_000, 400
@@ -87,20 +89,6 @@ def evaluation(results: Results) -> str:
     return results.framed("evaluation", evaluation_table(row))
 
 
-def evaluation_table(row: Row) -> str:
-    """Times of one evaluation, by PyBaMM's own solve."""
-    solve = row["solver_s"]
-    lines = [
-        ["PyBaMM's own solve of the compiled model", f"{solve:.3f} s"],
-        ["our evaluation, in one process", f"{row['evaluation_s'] / solve:.2f} of it"],
-        ["the same through a worker process", f"{row['worker_s'] / solve:.2f}"],
-        ["building the model for every evaluation", f"{row['rebuild_s'] / solve:.1f}"],
-        ["simulations a second, two workers to one (aim 1.7)", f"{row['two_workers']:.2f}"],
-        ["the loop's own cost a round", f"{1e3 * row['loop_s']:.0f} ms"],
-    ]
-    return markdown_table([f"one evaluation, medians of {row['repeats']:.0f}", ""], lines)
-
-
 def runtime(results: Results) -> str:
     """Where the time of a run goes."""
     rows = results.rows("runtime")
@@ -147,64 +135,13 @@ def recovery(results: Results) -> str:
         f"* At the rates that were fitted: mean {brief(fitted[0])} %; the same tasks in published.csv, which earlier "
         f"versions made, {brief(fitted[1])} %."
     )
-    table, remarks = recovered(rows, held)
+    table, remarks = recovery_table(rows, held)
     return results.framed("recovery held_out", table, "\n".join([earlier, *remarks]))
-
-
-_QUALITIES = {
-    "5 % noise": "true, with 5 % noise on each",
-    "recovered": "recovered by the fit",
-    "default": "of the base cell",
-}
-
-
-def recovered(rows: Sequence[Row], held: Sequence[Row]) -> tuple[str, list[str]]:
-    """What one method recovered: a table of errors at rates that were not fitted, and remarks."""
-    rates = sorted({row["rate"] for row in held})
-    mean = {
-        quality: [
-            statistic([row["mape"] for row in held if (row["quality"], row["rate"]) == (quality, rate)]).mean
-            for rate in rates
-        ]
-        for quality in _QUALITIES
-    }
-    lines = [[words, *(f"{brief(value)} %" for value in mean[quality])] for quality, words in _QUALITIES.items()]
-    heads = [f"parameters of {len(rows)} tasks, mean MAPE at", *(f"{rate:g}C" for rate in rates)]
-    ratios = [
-        noisy / found if found else math.inf for noisy, found in zip(mean["5 % noise"], mean["recovered"], strict=True)
-    ]
-    means = {
-        name: statistic([row[name] for row in rows]).mean
-        for name in ("pearson", "spearman", "share_of_steps_that_co_decrease")
-    }
-    median = float(np.median([row["median_relative_error"] for row in rows]))
-    largest = max(row["largest_relative_error"] for row in rows)
-    return markdown_table(heads, lines), [
-        f"* What was recovered predicts rates that were not fitted {min(ratios):.0f} to {max(ratios):.0f} times "
-        f"better than the truth known to 5 %.",
-        f"* A parameter's own error: median {median:.1%} (of the cases' medians), largest {largest:.0%}.",
-        f"* Within a case, over its successive best trials, errors of curve and parameters correlate with Pearson "
-        f"{means['pearson']:.2f} and "
-        f"Spearman {means['spearman']:.2f}; they fall together in {means['share_of_steps_that_co_decrease']:.0%} of "
-        f"the steps (means of the cases; "
-        "the paper reports 0.963 and 1.000).",
-    ]
 
 
 def warm_up(results: Results) -> str:
     """Random against proposed perturbations before the first round."""
     return results.framed("warmup", warm_up_table(results.rows("warmup")))
-
-
-def warm_up_table(rows: Sequence[Row]) -> str:
-    """Errors after the warm-up and at the end, by kind of warm-up."""
-    cases = list(dict.fromkeys(row["task"] for row in rows))
-    lines = []
-    for method in dict.fromkeys(row["method"] for row in rows):
-        own = {row["task"]: row for row in rows if row["method"] == method}
-        both = [spread([row[name] for row in own.values()]) for name in ("after_warm_up_mape", "mape")]
-        lines.append([method.partition("+")[2], *both, *(brief(own[case]["mape"]) for case in cases)])
-    return markdown_table(["MAPE / %", "best after it", "at the end", *cases], lines)
 
 
 def grid_cost(results: Results) -> str:

@@ -8,7 +8,7 @@ from ...core.files import write_csv, write_text
 from ...core.scaffold import PluginChoice, Scaffold
 from ..campaign.store import Store
 from ..campaign.summary import Row
-from ..doc_tables.studies import warm_up_table
+from ..campaign.text_tables import brief, markdown_table, spread
 from .grids import trace_of, with_results
 
 STRATEGIES = ("random", "proposed")
@@ -35,3 +35,14 @@ def write_warmup(rows: Sequence[Row], store: Store, out: Path) -> list[dict[str,
     write_csv(out / "warmup.csv", found)
     write_text(out / "warmup.md", warm_up_table(found) + "\n")
     return found
+
+
+def warm_up_table(rows: Sequence[Row]) -> str:
+    """Errors after the warm-up and at the end, by kind of warm-up."""
+    cases = list(dict.fromkeys(row["task"] for row in rows))
+    lines = []
+    for method in dict.fromkeys(row["method"] for row in rows):
+        own = {row["task"]: row for row in rows if row["method"] == method}
+        both = [spread([row[name] for row in own.values()]) for name in ("after_warm_up_mape", "mape")]
+        lines.append([method.partition("+")[2], *both, *(brief(own[case]["mape"]) for case in cases)])
+    return markdown_table(["MAPE / %", "best after it", "at the end", *cases], lines)
