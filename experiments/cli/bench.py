@@ -347,26 +347,6 @@ def models_command(
     finish([*rows, *ranked])
 
 
-@bench_app.command("docs")
-def docs_command(
-    root: Annotated[
-        Path, typer.Argument(metavar="FOLDER", help="A checkout of this package, with its README.md and docs.")
-    ] = Path(),
-    check: Annotated[
-        bool,
-        shared.output_option("--check", help="Change nothing; exit code 1 where a table is not what its rows say."),
-    ] = False,
-) -> None:
-    """Rebuild every table of README.md and docs/*.md from the rows in docs/results."""
-    from ..doc_tables.rebuild import rebuild
-
-    changed = rebuild(root, write=not check)
-    for path in changed:
-        print(f"{path} {'differs from its rows' if check else 'written'}")
-    if check and changed:
-        raise typer.Exit(1)
-
-
 @bench_app.command("tables")
 def tables_command(
     grid: Annotated[str, typer.Argument(metavar="GRID", help="A grid that was run, by name, file or folder.")],

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import pytest
-from bsa.experiments.doc_tables.rebuild import RESULTS, documents, rebuild
-from bsa.experiments.doc_tables.results import Results
+from doc_tables.rebuild import RESULTS, documents, rebuild
+from doc_tables.results import Results
 
 ROOT = Path(__file__).parents[2]
 OPEN, CLOSE = "<!-- table: ", "<!-- end of table -->"
@@ -12,7 +12,7 @@ OPEN, CLOSE = "<!-- table: ", "<!-- end of table -->"
 
 def test_every_table_is_what_its_rows_say():
     changed = rebuild(ROOT, write=False)
-    assert not changed, "bsa bench docs writes them again"
+    assert not changed, "python docs/make_tables.py writes them again"
 
 
 def test_every_file_of_rows_has_an_origin_and_stands_in_a_table():

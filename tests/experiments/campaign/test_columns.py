@@ -8,7 +8,7 @@ import pytest
 from bsa.experiments.campaign import page, results, tables
 from bsa.experiments.campaign.columns import COLUMNS, Column
 from bsa.experiments.campaign.running import run_campaign
-from bsa.experiments.doc_tables.columns import cell_columns
+from doc_tables.columns import cell_columns
 
 from .conftest import Here, Quiet
 

@@ -98,7 +98,7 @@ def test_what_makes_tasks_and_carries_out_studies_and_discoveries_counts(monkeyp
     experiments = PACKAGE / "experiments"
     assert {experiments / name for name in ("tasks", "suite", "studies", "discovery_bench")} <= counted
     assert {experiments / name for name in ("discover.py", "discover_life.py", "discovery_setup.py")} <= counted
-    assert not {experiments / name for name in ("cli", "report", "doc_tables")} & counted
+    assert not {experiments / name for name in ("cli", "report")} & counted
 
 
 def test_plugins_of_others_count_by_their_version(make_plan):

@@ -1,7 +1,8 @@
 """Tables of ageing: the published tasks of 200 cycles, what a life costs, and measured lives foretold."""
 
-from ..campaign.summary import Row, geometric_mean, grouped, mean_of
-from ..campaign.text_tables import Entry, brief, markdown_table, table_of
+from bsa.experiments.campaign.summary import Row, geometric_mean, grouped, mean_of
+from bsa.experiments.campaign.text_tables import Entry, brief, markdown_table, table_of
+
 from .results import Results
 
 _PAPER = {"mape": 1.37, "q_mape": 0.51}

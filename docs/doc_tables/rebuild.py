@@ -1,10 +1,11 @@
-"""``bsa bench docs``: every table of the documentation, again from its rows."""
+"""Every table of the documentation, made again from its rows."""
 
 import re
 from pathlib import Path
 
-from ...core.errors import BsaError, unknown
-from ...core.files import write_text
+from bsa.core.errors import BsaError, unknown
+from bsa.core.files import write_text
+
 from .catalogue import TABLES
 from .results import Results
 

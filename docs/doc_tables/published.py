@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from bsa.experiments.campaign.columns import EARLY
+from bsa.experiments.campaign.summary import main_table, paper_rows, statistic
+from bsa.experiments.campaign.text_tables import bold, brief, markdown_table, spread
 
-from ..campaign.columns import EARLY
-from ..campaign.summary import main_table, paper_rows, statistic
-from ..campaign.text_tables import bold, brief, markdown_table, spread
 from .results import Results
 
 Row = dict[str, Any]

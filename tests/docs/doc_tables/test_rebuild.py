@@ -3,7 +3,7 @@
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.files import write_csv
-from bsa.experiments.doc_tables.rebuild import rebuild
+from doc_tables.rebuild import rebuild
 
 ROWS = [{"case": "regular-1", "mape": 0.05}, {"case": "extreme-2", "mape": 0.1}]
 BLOCK = "<!-- table: noise -->\n{}<!-- end of table -->\n"
@@ -12,7 +12,7 @@ ORIGIN = "{command: bsa bench suite, version: abc1234, machine: two free cores}"
 
 @pytest.fixture
 def checkout(tmp_path):
-    """A folder as `bsa bench docs` takes it, with the rows of one table."""
+    """A folder as `rebuild` takes it, with the rows of one table."""
     results = tmp_path / "docs" / "results"
     write_csv(results / "noise.csv", ROWS)
     write_csv(results / "published.csv", [{**row, "mape": row["mape"] / 10} for row in ROWS])

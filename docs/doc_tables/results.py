@@ -5,12 +5,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from bsa.core.errors import BsaError
+from bsa.core.validation import explain
+from bsa.core.yaml_text import read_yaml
+from bsa.experiments.campaign.results import read_table
 from pydantic import BaseModel, Field, TypeAdapter, ValidationError
-
-from ...core.errors import BsaError
-from ...core.validation import explain
-from ...core.yaml_text import read_yaml
-from ..campaign.results import read_table
 
 ORIGINS = "origins.yaml"
 

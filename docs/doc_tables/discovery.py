@@ -1,10 +1,11 @@
 """Tables of discovery: the blind cases, who finds an effect without a fit, and measured cells."""
 
-from ..campaign.text_tables import Entry, brief, table_of
-from ..discovery_bench.grading import Graded, graded_of
-from ..discovery_bench.sensitivity import sensitivity_table
-from ..discovery_bench.shortlists import shortlist_table
-from ..discovery_bench.tables import as_markdown, case_table
+from bsa.experiments.campaign.text_tables import Entry, brief, table_of
+from bsa.experiments.discovery_bench.grading import Graded, graded_of
+from bsa.experiments.discovery_bench.sensitivity import sensitivity_table
+from bsa.experiments.discovery_bench.shortlists import shortlist_table
+from bsa.experiments.discovery_bench.tables import as_markdown, case_table
+
 from .results import Results
 
 BLIND = "discovery_blind"

@@ -1,6 +1,7 @@
 """The tables of measured cells: what was fitted, and what was not."""
 
-from ..campaign.text_tables import table_of
+from bsa.experiments.campaign.text_tables import table_of
+
 from .results import Results
 
 

@@ -1,6 +1,7 @@
 """The table of the columns of ``cells.csv``."""
 
-from ..campaign.columns import COLUMNS
+from bsa.experiments.campaign.columns import COLUMNS
+
 from .results import Results
 
 _KINDS = {str: "text", int: "integer", float: "number"}

@@ -3,10 +3,10 @@
 from collections import Counter
 
 import numpy as np
+from bsa.experiments.campaign.columns import EARLY
+from bsa.experiments.campaign.summary import exact_interval, statistic
+from bsa.experiments.campaign.text_tables import brief
 
-from ..campaign.columns import EARLY
-from ..campaign.summary import exact_interval, statistic
-from ..campaign.text_tables import brief
 from .discovery import BLIND, graded
 from .published import SLOW, below_the_paper, longer_tasks
 from .results import Results

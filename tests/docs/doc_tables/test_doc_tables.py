@@ -7,8 +7,8 @@ import pytest
 from bsa.core.files import write_csv
 from bsa.experiments.campaign.summary import exact_interval, paper_rows
 from bsa.experiments.campaign.text_tables import brief, spread
-from bsa.experiments.doc_tables.catalogue import TABLES
-from bsa.experiments.doc_tables.results import Results
+from doc_tables.catalogue import TABLES
+from doc_tables.results import Results
 
 
 def suite_row(case, method="hybrid", mape=1.0, mode="regular", parameter_set="Chen2020", **more):

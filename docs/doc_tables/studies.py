@@ -3,16 +3,16 @@
 from collections.abc import Sequence
 
 import numpy as np
+from bsa.experiments.campaign.statistics import compare
+from bsa.experiments.campaign.summary import exact_interval, geometric_mean, grouped, statistic
+from bsa.experiments.campaign.text_tables import Entry, bold, brief, markdown_table, spread, table_of
+from bsa.experiments.studies.coverage import FIT_POINTS, coverage_table, excesses
+from bsa.experiments.studies.evaluation import evaluation_table
+from bsa.experiments.studies.models import cards_table
+from bsa.experiments.studies.no_harm import summary, verdict_of
+from bsa.experiments.studies.recovery import recovery_table
+from bsa.experiments.studies.warmup import warm_up_table
 
-from ..campaign.statistics import compare
-from ..campaign.summary import exact_interval, geometric_mean, grouped, statistic
-from ..campaign.text_tables import Entry, bold, brief, markdown_table, spread, table_of
-from ..studies.coverage import FIT_POINTS, coverage_table, excesses
-from ..studies.evaluation import evaluation_table
-from ..studies.models import cards_table
-from ..studies.no_harm import summary, verdict_of
-from ..studies.recovery import recovery_table
-from ..studies.warmup import warm_up_table
 from .results import Results
 
 _MANY, _CORES = 100_000, 400
