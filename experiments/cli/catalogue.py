@@ -79,9 +79,10 @@ def parameters(
 
 
 def doctor() -> None:
-    """Show which language models are ready here, and the command that would make each other one so."""
+    """Show which language models are ready here, what would make the others so, and whether a C compiler is found."""
     from ...backends.readiness import survey
     from ...core.contracts.registry import installed
+    from ...plugins.pybamm.modelling.machine_code import compiler
 
     surveyed = [
         (item.backend, f"{item.route}: {'ready' if item.ready else 'not ready'}", item.remedy or item.detail)
@@ -96,6 +97,9 @@ def doctor() -> None:
     print_table(
         "routes", [(item.entry.name, item.origin, item.entry.summary) for item in installed().listings("route")]
     )
+    program = compiler()
+    state, effect = ("found", program) if program else ("not found", "install gcc: simulations then take less time")
+    print_table("simulations", [("C compiler", state, effect)])
     _print_unusable(item for item in _unusable() if item.concerns("backend") or item.concerns("route"))
 
 

@@ -1,11 +1,15 @@
 """PyBaMM's integrator, whose answers do not depend on what it solved before."""
 
-from collections.abc import Callable
+import time
 from typing import Any
 
 from ..cells.parameter_sets import pybamm
+from .machine_code import MachineCode
 
 _COMPILED = pybamm.solvers.idaklu_solver.idaklu
+
+_CALLED_OFTEN = ("rhs_alg", "jac_times_cjmass", "mass_action", "events", "alg_res", "alg_jac")
+"""The functions that an integration calls, beside the output variables; the others are for sensitivities."""
 
 
 class FreshIntegrator(pybamm.IDAKLUSolver):  # type: ignore[misc]
@@ -14,24 +18,49 @@ class FreshIntegrator(pybamm.IDAKLUSolver):  # type: ignore[misc]
     Algebraic equations are made consistent by a factorisation whose pivots PyBaMM keeps for the next solve, until a
     matrix is so ill-conditioned that it chooses others. After a cell that ran empty all later voltages were up to a
     tenth of a millivolt off, and fits in two worker processes ended elsewhere than in one. Making it takes 0.2 ms.
+
+    A model that is solved often is solved by machine code after some time; see `MachineCode`.
     """
 
-    _made_anew: Callable[[], Any]
+    _parts: dict[str, Any]
+    _code: MachineCode
 
     def set_up(self, *arguments: Any, **how: Any) -> Any:
         """See `pybamm.BaseSolver.set_up`; notes what PyBaMM makes the compiled integrator of."""
-        make = _COMPILED.create_casadi_solver_group
+        make, convert = _COMPILED.create_casadi_solver_group, _COMPILED.generate_function
+        texts: dict[int, str] = {}
+
+        def converted(text: str) -> Any:
+            function = convert(text)
+            texts[id(function)] = text
+            return function
 
         def noted(**parts: Any) -> Any:
-            self._made_anew = lambda: make(**parts)
-            return self._made_anew()
+            self._parts = parts
+            functions = [*(parts[name] for name in _CALLED_OFTEN), *parts["var_fcns"]]
+            self._code = MachineCode([texts[id(function)] for function in functions])
+            return make(**parts)
 
-        _COMPILED.create_casadi_solver_group = noted
+        _COMPILED.create_casadi_solver_group, _COMPILED.generate_function = noted, converted
         try:
             return super().set_up(*arguments, **how)
         finally:
-            _COMPILED.create_casadi_solver_group = make
+            _COMPILED.create_casadi_solver_group, _COMPILED.generate_function = make, convert
 
     def _integrate(self, *arguments: Any, **how: Any) -> Any:
-        self._setup["solver"] = self._made_anew()
-        return super()._integrate(*arguments, **how)
+        made = self._code.made()
+        if made is not None:
+            self._exchange([_COMPILED.generate_function(text) for text in made])
+            self._code.drop()
+        self._setup["solver"] = _COMPILED.create_casadi_solver_group(**self._parts)
+        start = time.perf_counter()
+        try:
+            return super()._integrate(*arguments, **how)
+        finally:
+            self._code.spent(time.perf_counter() - start)
+
+    def _exchange(self, functions: list[Any]) -> None:
+        """Put other functions in the place of those of `_CALLED_OFTEN` and of the output variables."""
+        count = len(_CALLED_OFTEN)
+        self._parts |= dict(zip(_CALLED_OFTEN, functions[:count], strict=True))
+        self._parts["var_fcns"] = functions[count:]

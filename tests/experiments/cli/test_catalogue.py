@@ -1,5 +1,6 @@
 """`bsa list` and `bsa doctor`: every kind, each once, and what cannot be used beside its own kind alone."""
 
+import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -90,6 +91,7 @@ def test_the_doctor_names_foreign_backends_and_no_faults_of_other_kinds(
     doctor()
     backends, rest = capsys.readouterr().out.split("\nroutes\n")
     routes, unusable = rest.split("\nnot usable\n")
+    routes, _ = routes.split("\nsimulations\n")
     line = " ".join(next(line for line in backends.splitlines() if "zz-model" in line).split())
     assert line == "zz-model plugin: not checked A model of another package. (zz-fault 0.1)"
     assert "zz-" not in routes
@@ -97,3 +99,16 @@ def test_the_doctor_names_foreign_backends_and_no_faults_of_other_kinds(
     assert "no_such_module_zz" in unusable
     assert "bsa_memories" not in unusable
     assert "bsa_readers" not in unusable
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [("python3", f"C compiler found {shutil.which('python3')}"), ("", "C compiler not found install gcc: ")],
+)
+def test_the_doctor_says_whether_simulations_are_compiled(
+    name: str, line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("BSA_COMPILER", name)
+    doctor()
+    told = capsys.readouterr().out.split("\nsimulations\n")[1].splitlines()[0]
+    assert " ".join(told.split()).startswith(line.strip())
