@@ -237,7 +237,8 @@ def test_a_hidden_resistance_is_found_from_files(tmp_path):
     page = (tmp_path / "out" / "report.html").read_text()
     assert "content=\"default-src 'none'; style-src 'unsafe-inline'\"" in page
     assert "contact-resistance" in page
-    assert "<svg" in page
+    assert page.count('<svg class="chart"') == 2
+    assert "<h3>held, held out</h3>" in page
     assert "<script" not in page
     script = [sys.executable, tmp_path / "out" / "augmented_model.py"]
     said = subprocess.run(script, capture_output=True, text=True, timeout=300, check=True).stdout
