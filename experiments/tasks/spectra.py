@@ -55,7 +55,7 @@ def spectrum_notes(request: RecordRequest, cell: CellModel, use: str = "") -> li
     if 0 < left_out < len(spectrum):
         first = spectrum.frequency[left_out]
         notes.append(
-            f"{left_out} of {len(spectrum)} points, above {first:.3g} Hz, are inductive and left "
+            f"{left_out} of {len(spectrum)} points, above {rounded(first, 3)} Hz, are inductive and left "
             "out: inductance lies in the leads."
         )
     notes += _unlikely_unit(spectrum, cell)
