@@ -101,6 +101,7 @@ class DiscoverOptions(BaseModel, extra="forbid"):
     hide_names: bool = Field(default=False, description="Show the language model effects under names without meaning.")
     max_effects: int = Field(default=2, ge=1, le=2, description="Effects in one explanation at most.")
     seed: int = Field(default=0, ge=0, description="Seed for everything random.")
+    notes: list[str] = Field(default=[], description="What was assumed or repaired in records that were read already.")
     points: int = Field(default=400, ge=60, description="Averages that each record is condensed to.")
     floor_mv: float = Field(default=1e3 * FLOOR_V, gt=0, description="Differences below this are not physics, mV.")
     out: Path = Field(description="Folder for discovery.json, report.html and augmented_model.py.")
@@ -137,6 +138,12 @@ def discover_options(
         fitted = [{**fitted[0], "joined": [file["path"] for file in fitted[1:]]}]
     content = {"data": fitted, "holdout": files[count:], "out": folder, **others}
     content["parameters"] = _parameters_written(parameters, folder)
+    content["notes"] = [
+        f"{file['path'].name}: {note}"
+        for source, file in zip((*records.sources, *records.held_out), files, strict=True)
+        if isinstance(source, Record)
+        for note in source.notes
+    ]
     content |= {"life": records.lives, "fit_cycles": records.fit_cycles}
     if records.initial_soc:
         content["initial_soc"] = records.each_soc(len(fitted))
@@ -256,7 +263,7 @@ def read_case(options: DiscoverOptions) -> Case:
         tuple(measured_records[:count]),
         tuple(measured_records[count:]),
         {name: soc for name, soc in starts.items() if soc is not None},
-        task.notes,
+        _with_notes(options, task).notes,
     )
 
 
@@ -266,7 +273,7 @@ def read_life(options: DiscoverOptions) -> Task:
     from .tasks.records import build_task
 
     ((file, soc),) = _started(options)
-    return build_task(
+    task = build_task(
         file.path.stem,
         parameter_source(options.parameters),
         [_request(options, file, soc).as_life()],
@@ -275,6 +282,12 @@ def read_life(options: DiscoverOptions) -> Task:
         options.overrides,
         scale_to_capacity=options.scale,
     )
+    return _with_notes(options, task)
+
+
+def _with_notes(options: DiscoverOptions, task: Task) -> Task:
+    """The task with the notes of records that were read already; what their files show again is said once."""
+    return replace(task, notes=tuple(dict.fromkeys((*options.notes, *task.notes))))
 
 
 def _started(options: DiscoverOptions) -> list[tuple[RecordFile, float | None]]:
