@@ -5,14 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, cast
 
 import typer
 from typer.core import TyperGroup
 
 from ...core.errors import BsaError, did_you_mean, unknown
 
-_UsageError = typer.BadParameter.__mro__[1]
+_UsageError = cast("type[Exception]", typer.BadParameter.__mro__[1])
 """What the library raises for a wrong command line. Releases differ in where it stands, and none exports it."""
 
 _NO_COMMAND = re.compile(r"No such command '(.*?)'")
