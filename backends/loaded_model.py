@@ -1,7 +1,10 @@
-"""Models in this process: loaded once, shared by every run of a grid."""
+"""Models in this process: loaded once, shared by every run of the process."""
 
 from __future__ import annotations
 
+import gc
+import logging
+import os
 import threading
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -10,7 +13,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ..core.errors import BsaError
-from .model_files import weight_bytes
+from .gpu_memory import GpuMemory, refuse_larger, too_large
+from .model_files import bytes_in_sixteen_bits, model_folder, weight_bytes
 
 Quantisation = Literal["auto", "4bit", "none"]
 INSTALL_HINT = 'pip install "battery-sim-agent[local]"'
@@ -21,6 +25,7 @@ _FALLBACK_CONTEXT_TOKENS = 4096
 
 _loaded: dict[tuple[str, Quantisation], LoadedModel] = {}
 _loading = threading.Lock()
+_generating = threading.Lock()
 
 
 @dataclass(eq=False)
@@ -31,8 +36,13 @@ class LoadedModel:
     tokenizer: Any
     model: Any
     description: str  # Device and number format, for the journal.
-    # Held while generating: the random state and the device are shared.
-    lock: threading.Lock = field(default_factory=threading.Lock)
+    # Held while generating: all models of the process share the random state and the device.
+    lock: threading.Lock = field(default_factory=lambda: _generating)
+    users: int = 0  # How many backends have it open.
+    # Resident memory of the process in MB: before the weights were loaded, and what had come by the end of its first
+    # reply, which sets up the GPU's kernels and the grammar.
+    before_mb: float = 0.0
+    taken_mb: float | None = None
 
     @property
     def context_tokens(self) -> int:
@@ -61,17 +71,53 @@ class LoadedModel:
         except (ValueError, AttributeError):
             return None
 
+    def answered(self) -> None:
+        """To be called after each reply; the first one tells how much memory of the process the model takes."""
+        if self.taken_mb is None:
+            self.taken_mb = max(_resident_mb() - self.before_mb, 0.0)
+
+    def unload(self) -> None:
+        """Let the weights go; it cannot be used afterwards."""
+        self.model = self.tokenizer = None
+        self.__dict__.pop("grammar_tokenizer", None)
+
 
 def load(name: str, quantisation: Quantisation) -> LoadedModel:
-    """The model from a folder or the Hugging Face hub, from memory if this process has it.
+    """The model from a folder or the Hugging Face hub, from memory if this process has it; `release` gives it back.
 
     Raises `BsaError` if transformers is not installed, or the model cannot be found or does not fit.
     """
     with _loading:
         key = (name, quantisation)
         if key not in _loaded:
+            _unload_idle()
             _loaded[key] = _load(name, quantisation)
+        _loaded[key].users += 1
         return _loaded[key]
+
+
+def release(loaded: LoadedModel) -> None:
+    """Give a model back. Its weights stay in memory for the next run, until another model is loaded."""
+    with _loading:
+        loaded.users -= 1
+
+
+def taken_mb() -> float:
+    """Resident memory of this process that its models take, MB."""
+    return sum(model.taken_mb or 0.0 for model in _loaded.values())
+
+
+def _unload_idle() -> None:
+    idle = [key for key, model in _loaded.items() if model.users <= 0]
+    if not idle:
+        return
+    for key in idle:
+        _loaded.pop(key).unload()
+    gc.collect()
+    import torch
+
+    if torch.cuda.is_available():
+        torch.cuda.empty_cache()
 
 
 def _load(name: str, quantisation: Quantisation) -> LoadedModel:
@@ -81,27 +127,39 @@ def _load(name: str, quantisation: Quantisation) -> LoadedModel:
     import torch
     import transformers
 
+    before_mb = _resident_mb()
     transformers.logging.set_verbosity_error()
     transformers.logging.disable_progress_bar()
+    logging.getLogger("accelerate").setLevel(logging.ERROR)
+    memory = None
+    if _accelerator() == "cuda":
+        # Without it cuBLAS does not round alike each time, and the same seed gives other replies (docs/backends.md).
+        os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")
+        memory = GpuMemory.now()
+    # transformers does not know ~ for the home folder.
+    source = str(model_folder(name)) if Path(name).expanduser().is_dir() else name
     try:
-        config = transformers.AutoConfig.from_pretrained(name)
-        tokenizer = transformers.AutoTokenizer.from_pretrained(name)
-        arguments = _arguments(name, config, quantisation)
-        model = transformers.AutoModelForCausalLM.from_pretrained(name, **arguments)
+        config = transformers.AutoConfig.from_pretrained(source)
+        tokenizer = transformers.AutoTokenizer.from_pretrained(source)
+        arguments = _arguments(source, config, quantisation)
+        if memory is not None:
+            refuse_larger(name, bytes_in_sixteen_bits(source, config), "quantization_config" in arguments, memory)
+        model = transformers.AutoModelForCausalLM.from_pretrained(source, **arguments)
+        if "device_map" not in arguments and _accelerator() != "cpu":
+            model.to(_accelerator())
     except (OSError, ValueError) as error:
         reason = str(error).strip().partition("\n")[0][:300]
-        hint = "check the folder." if Path(name).exists() else f"hf download {name}"
+        hint = "check the folder." if Path(source).exists() else f"hf download {name}"
         raise BsaError(f'the model "{name}" cannot be loaded: {reason}', hint) from None
     except torch.cuda.OutOfMemoryError:
-        raise BsaError(
-            f'the model "{name}" does not fit into the memory of the GPU.',
-            "pip install bitsandbytes (for 4-bit weights), or choose a smaller model or another --via.",
-        ) from None
-    if "device_map" not in arguments and _accelerator() != "cpu":
-        model.to(_accelerator())
+        raise too_large(name, bytes_in_sixteen_bits(source, config), memory) from None
+    if memory is not None and {"cpu", "disk"} & set((getattr(model, "hf_device_map", None) or {}).values()):
+        # accelerate leaves in main memory what the GPU does not hold, and moves it there and back for every token.
+        raise too_large(name, bytes_in_sixteen_bits(source, config), memory)
     model.eval()
     four_bit = ", 4-bit" if "quantization_config" in arguments else ""
-    return LoadedModel(tokenizer, model, f"{model.device.type}, {str(model.dtype).removeprefix('torch.')}{four_bit}")
+    description = f"{model.device.type}, {str(model.dtype).removeprefix('torch.')}{four_bit}"
+    return LoadedModel(tokenizer, model, description, before_mb=before_mb)
 
 
 def _accelerator() -> str:
@@ -160,3 +218,9 @@ def _free_memory_bytes() -> float:
     import psutil
 
     return float(psutil.virtual_memory().available)
+
+
+def _resident_mb() -> float:
+    import psutil
+
+    return float(psutil.Process().memory_info().rss) / 1e6

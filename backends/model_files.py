@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from typing import Any
 
 
 def model_folder(name: str) -> Path | None:
@@ -26,3 +27,13 @@ def weight_bytes(name: str) -> int:
         return 0
     files = list(folder.glob("*.safetensors")) or list(folder.glob("*.bin"))
     return sum(path.stat().st_size for path in files)
+
+
+def bytes_in_sixteen_bits(name: str, config: Any) -> float:
+    """Size of the weights in bytes once loaded in 16 bits, or as the checkpoint is quantised; 0 where not known.
+
+    ``config`` is the model's configuration, as transformers reads it.
+    """
+    stored = str(getattr(config, "dtype", None)).removeprefix("torch.")
+    quantised = getattr(config, "quantization_config", None) is not None
+    return weight_bytes(name) / (2 if stored == "float32" and not quantised else 1)

@@ -61,7 +61,8 @@ def given(events: Iterable[Mapping[str, Any]]) -> list[Reply | BackendFailure]:
         elif kind == VOTE and isinstance(last, Reply):
             count = max(len(event.get("ballots", ())), 1)
             votes = [reply for reply in found[-count:] if isinstance(reply, Reply)]
-            found[-count:] = [replace(last, text=text, usage=sum((vote.usage for vote in votes), Usage()))]
+            usage = sum((vote.usage for vote in votes), Usage())
+            found[-count:] = [replace(last, text=text, usage=usage, rejected=tuple(event.get("rejected", ())))]
         elif kind == REVIEW and isinstance(last, Reply):
             try:
                 found[-1] = Verdict(event.get("verdict", "accept"), text).on(last)

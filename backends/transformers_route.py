@@ -11,7 +11,7 @@ from typing import Any
 from ..core.messages import JsonSchema, Message, PromptRefused, Reply, StructuredBy, Usage
 from .constrained_decoding import SchemaProcessor
 from .images import showable
-from .loaded_model import INSTALL_HINT, LoadedModel, load
+from .loaded_model import INSTALL_HINT, LoadedModel, load, release
 from .model_files import model_folder
 from .options import BackendOptions
 from .prompt_fitting import ContextTooSmallError, fit
@@ -55,6 +55,7 @@ class TransformersBackend:
         self._options = options
         self._loaded: LoadedModel = load(model, options.quantisation)
         self._first = True
+        self._closed = False
 
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
         """See `bsa.core.messages.Backend.complete`."""
@@ -77,8 +78,8 @@ class TransformersBackend:
                     prompt, reply_tokens = self._prompt(with_schema_in_prompt(messages, schema, form), notes)
             tokens = self._generate(prompt, reply_tokens, processor, seed)
             seconds = time.monotonic() - started
-        if len(tokens) >= reply_tokens:
-            notes.append("the reply was cut at its longest length (--max-reply-tokens)")
+            self._loaded.answered()
+        notes += self._cut(tokens, reply_tokens)
         text = self._loaded.tokenizer.decode(tokens, skip_special_tokens=True)
         return Reply(
             text=text,
@@ -87,6 +88,15 @@ class TransformersBackend:
             structured_by=held_by(form, text, schema),
             notes=tuple(notes),
         )
+
+    def _cut(self, tokens: Sequence[int], reply_tokens: int) -> list[str]:
+        """A note where the reply did not end by itself."""
+        if tokens and tokens[-1] in self._loaded.end_tokens:
+            return []
+        if len(tokens) >= reply_tokens:
+            return [f"the reply was cut at its longest length ({reply_tokens} tokens; max_reply_tokens)"]
+        limit_s = self._options.timeout_s
+        return [] if limit_s is None else [f"the reply was cut at its longest time ({limit_s:g} s; timeout_s)"]
 
     def _prompt(self, messages: Sequence[Message], notes: list[str]) -> tuple[Any, int]:
         """The prompt's tokens, shape (1, n), and how many the reply may have."""
@@ -132,20 +142,32 @@ class TransformersBackend:
             sampling["max_time"] = self._options.timeout_s
         processors = transformers.LogitsProcessorList([processor] if processor else [])
         prompt = prompt.to(model.device)
-        with torch.inference_mode(), _seeded(seed):
-            output = model.generate(
-                prompt,
-                attention_mask=torch.ones_like(prompt),
-                max_new_tokens=reply_tokens,
-                logits_processor=processors,
-                eos_token_id=self._loaded.end_tokens or None,
-                pad_token_id=self._loaded.end_tokens[0] if self._loaded.end_tokens else None,
-                **sampling,
-            )
-        return [int(token) for token in output[0, prompt.shape[1] :]]
+        try:
+            with torch.inference_mode(), _seeded(seed):
+                output = model.generate(
+                    prompt,
+                    attention_mask=torch.ones_like(prompt),
+                    max_new_tokens=reply_tokens,
+                    logits_processor=processors,
+                    eos_token_id=self._loaded.end_tokens or None,
+                    pad_token_id=self._loaded.end_tokens[0] if self._loaded.end_tokens else None,
+                    **sampling,
+                )
+            return [int(token) for token in output[0, prompt.shape[1] :]]
+        except torch.cuda.OutOfMemoryError:
+            pass
+        # Only here is what the attempt had computed out of reach, so that it can be given back.
+        torch.cuda.empty_cache()
+        raise PromptRefused(
+            f"the prompt has {prompt.shape[1]} tokens, and beside the weights of {self._model} the GPU has no memory "
+            "left for them: end other programs on the GPU, use 4-bit weights or choose a smaller model"
+        )
 
     def close(self) -> None:
         """Leave the weights in memory, for the next run."""
+        if not self._closed:
+            self._closed = True
+            release(self._loaded)
 
 
 @contextmanager

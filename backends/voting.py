@@ -122,6 +122,7 @@ class VotingBackend(BackendAround):
         ]
         ballots = [Ballot.read(reply.text, schema) for reply in replies]
         merged = merge(ballots)
+        useless = [f"vote {number}: {ballot.problem}" for number, ballot in enumerate(ballots, 1) if ballot.problem]
         weakest: StructuredBy = max((reply.structured_by for reply in replies), key=LADDER.index)
         notes = [f"vote {number}: {note}" for number, reply in enumerate(replies, 1) for note in reply.notes]
         result = replace(
@@ -130,9 +131,11 @@ class VotingBackend(BackendAround):
             usage=sum((reply.usage for reply in replies), Usage()),
             structured_by=weakest,
             notes=tuple(notes),
+            rejected=tuple(useless if merged is not None else useless[1:]),  # the first is refused as the merged reply
         )
         if self._recorder is not None:
-            self._recorder.record(VOTE, text=result.text, ballots=[ballot.as_json() for ballot in ballots], rule=RULE)
+            told = [ballot.as_json() for ballot in ballots]
+            self._recorder.record(VOTE, text=result.text, ballots=told, rejected=list(result.rejected), rule=RULE)
         return result
 
 

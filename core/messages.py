@@ -101,6 +101,8 @@ class Reply:
         nothing but the prompt.
     notes : tuple of str
         What the backend did on the way (retries, fallbacks, dropped images), for the journal.
+    rejected : tuple of str
+        Of a reply that was merged from several: what was wrong with each of the others that could not be used.
     """
 
     text: str
@@ -108,6 +110,7 @@ class Reply:
     model: str = ""
     structured_by: StructuredBy = "text"
     notes: tuple[str, ...] = ()
+    rejected: tuple[str, ...] = ()
 
 
 class BackendFailure(Exception):

@@ -68,12 +68,12 @@ def explain(error: ValidationError, where: str, model: type[BaseModel]) -> BsaEr
         return BsaError(
             f"{where}: {found}: keys with values were expected{more}.", f'write one "key: value" a line{keys}.'
         )
-    reason = _reason(first)
+    reason = reason_of(first)
     hint = did_you_mean(first["input"], _allowed(first)) if isinstance(first.get("input"), str) else ""
     return BsaError(f"{where}: {found}: {reason}{more}.", hint)
 
 
-def _reason(found: Mapping[str, Any]) -> str:
+def reason_of(found: Mapping[str, Any]) -> str:
     """Why a value is refused, in a few words."""
     if found["type"] in _EXPECTED:
         return _EXPECTED[found["type"]].format(**found.get("ctx", {}))

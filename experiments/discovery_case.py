@@ -78,6 +78,10 @@ class DiscoverOptions(BaseModel, extra="forbid"):
         default=None, ge=1, description="Of a life so many cycles are fitted, the later ones held out."
     )
     holdout: list[RecordFile] = Field(default=[], description="Records that are predicted and never fitted.")
+    initial_soc: list[float | None] = Field(
+        default=[],
+        description="State of charge at which each fitted record starts, and its fit; none or null: by its voltage.",
+    )
     parameters: str = Field(description="What to start from: a PyBaMM parameter set, a BPX or JSON file, or a run.")
     model: str = Field(default="DFN", description="SPM, SPMe or DFN.")
     options: dict[str, Any] = Field(default={}, description="PyBaMM model options of the base model.")
@@ -97,6 +101,7 @@ class DiscoverOptions(BaseModel, extra="forbid"):
     hide_names: bool = Field(default=False, description="Show the language model effects under names without meaning.")
     max_effects: int = Field(default=2, ge=1, le=2, description="Effects in one explanation at most.")
     seed: int = Field(default=0, ge=0, description="Seed for everything random.")
+    notes: list[str] = Field(default=[], description="What was assumed or repaired in records that were read already.")
     points: int = Field(default=400, ge=60, description="Averages that each record is condensed to.")
     floor_mv: float = Field(default=1e3 * FLOOR_V, gt=0, description="Differences below this are not physics, mV.")
     out: Path = Field(description="Folder for discovery.json, report.html and augmented_model.py.")
@@ -133,7 +138,15 @@ def discover_options(
         fitted = [{**fitted[0], "joined": [file["path"] for file in fitted[1:]]}]
     content = {"data": fitted, "holdout": files[count:], "out": folder, **others}
     content["parameters"] = _parameters_written(parameters, folder)
+    content["notes"] = [
+        f"{file['path'].name}: {note}"
+        for source, file in zip((*records.sources, *records.held_out), files, strict=True)
+        if isinstance(source, Record)
+        for note in source.notes
+    ]
     content |= {"life": records.lives, "fit_cycles": records.fit_cycles}
+    if records.initial_soc:
+        content["initial_soc"] = records.each_soc(len(fitted))
     return validated(DiscoverOptions, content, "discovery")
 
 
@@ -220,9 +233,8 @@ def read_case(options: DiscoverOptions) -> Case:
     from .tasks.parameter_source import parameter_source
     from .tasks.records import build_task
 
-    fitted, held = (
-        [named for file in files for named in _parts(options, file)] for files in (options.data, options.holdout)
-    )
+    fitted = [named for file, soc in _started(options) for named in _parts(options, file, soc)]
+    held = [named for file in options.holdout for named in _parts(options, file)]
     task = build_task(
         "discover",
         parameter_source(options.parameters),
@@ -251,7 +263,7 @@ def read_case(options: DiscoverOptions) -> Case:
         tuple(measured_records[:count]),
         tuple(measured_records[count:]),
         {name: soc for name, soc in starts.items() if soc is not None},
-        task.notes,
+        _with_notes(options, task).notes,
     )
 
 
@@ -260,25 +272,38 @@ def read_life(options: DiscoverOptions) -> Task:
     from .tasks.parameter_source import parameter_source
     from .tasks.records import build_task
 
-    (file,) = options.data
-    return build_task(
+    ((file, soc),) = _started(options)
+    task = build_task(
         file.path.stem,
         parameter_source(options.parameters),
-        [_request(options, file).as_life()],
+        [_request(options, file, soc).as_life()],
         options.model,
         {"SEI": "none", **options.options},
         options.overrides,
         scale_to_capacity=options.scale,
     )
+    return _with_notes(options, task)
 
 
-def _request(options: DiscoverOptions, file: RecordFile) -> RecordRequest:
+def _with_notes(options: DiscoverOptions, task: Task) -> Task:
+    """The task with the notes of records that were read already; what their files show again is said once."""
+    return replace(task, notes=tuple(dict.fromkeys((*options.notes, *task.notes))))
+
+
+def _started(options: DiscoverOptions) -> list[tuple[RecordFile, float | None]]:
+    """The fitted records, each with the state of charge at which it was said to start."""
+    return list(zip(options.data, options.initial_soc or [None] * len(options.data), strict=True))
+
+
+def _request(options: DiscoverOptions, file: RecordFile, soc: float | None = None) -> RecordRequest:
     from .tasks.record_request import RecordRequest, source_of
 
     ambient_c = file.read.ambient_c if options.ambient_c is None else options.ambient_c
     temperature_k = None if ambient_c is None else ambient_c + 273.15
     source = source_of(file.files, file.read, file.reader, file.reader_options)
-    asked = RecordRequest(source, file.read, file.reader, file.reader_options, temperature_k=temperature_k)
+    asked = RecordRequest(
+        source, file.read, file.reader, file.reader_options, initial_soc=soc, temperature_k=temperature_k
+    )
     found = asked.load()
     if not isinstance(found, Record):
         raise BsaError(
@@ -288,9 +313,9 @@ def _request(options: DiscoverOptions, file: RecordFile) -> RecordRequest:
     return replace(asked, source=found)
 
 
-def _parts(options: DiscoverOptions, file: RecordFile) -> list[tuple[str, RecordRequest]]:
+def _parts(options: DiscoverOptions, file: RecordFile, soc: float | None = None) -> list[tuple[str, RecordRequest]]:
     """What is asked of each part of a record whose charge is known, under a name."""
-    parts = _request(options, file).parts()
+    parts = _request(options, file, soc).parts()
     stem = file.path.stem
     return [(stem if len(parts) == 1 else f"{stem}, part {n}", part) for n, part in enumerate(parts, start=1)]
 

@@ -50,6 +50,21 @@ class Records:
         """
         return one_each(self.reads, (1 if self.joined else len(self.sources)) + len(self.held_out))
 
+    def each_soc(self, count: int) -> list[float | None]:
+        """The state of charge at which each of so many sources starts; None where its voltage is to tell it.
+
+        Raises `BsaError` if there are several, but not one for each, or one is not between 0 and 1.
+        """
+        wild = [soc for soc in self.initial_soc if not 0 <= soc <= 1]
+        if wild:
+            raise BsaError(f"an initial state of charge is {wild[0]:g}.", "give a share between 0 and 1.")
+        if len(self.initial_soc) not in (0, 1, count):
+            raise BsaError(
+                f"{len(self.initial_soc)} initial states of charge were given for {count} records.",
+                "give one for all records, or one for each, in their order.",
+            )
+        return list(self.initial_soc) if len(self.initial_soc) == count else [*self.initial_soc, None][:1] * count
+
     def requests(self) -> list[RecordRequest]:
         """What is asked of each source; files of one cell are joined.
 
@@ -59,16 +74,7 @@ class Records:
         from .tasks.record_request import RECOGNISED
 
         sources = self._joined()
-        wild = [soc for soc in self.initial_soc if not 0 <= soc <= 1]
-        if wild:
-            raise BsaError(f"an initial state of charge is {wild[0]:g}.", "give a share between 0 and 1.")
-        if len(self.initial_soc) not in (0, 1, len(sources)):
-            raise BsaError(
-                f"{len(self.initial_soc)} initial states of charge were given for {len(sources)} records.",
-                "give one for all records, or one for each, in their order.",
-            )
-        each = len(self.initial_soc) == len(sources)
-        socs = self.initial_soc if each else [*self.initial_soc, None][:1] * len(sources)
+        socs = self.each_soc(len(sources))
         protocol = RECOGNISED if self.as_protocol else None
         asked = self._asked(sources, self.each_read()[: len(sources)], socs, protocol=protocol)
         return [request.as_life(self.fit_cycles) for request in asked] if self.lives else asked

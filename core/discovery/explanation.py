@@ -72,6 +72,9 @@ class Explanation:
     # By effect key, the same error with that effect's strength at its null, where its interval holds that.
     temperature_without_k: dict[str, float] = field(default_factory=dict)
     estimates: dict[str, tuple[Estimate, ...]] = field(default_factory=dict)  # By effect key, its parameters.
+    held_errors: tuple[
+        FloatArray, ...
+    ] = ()  # Of each hold-out record, measured minus predicted, V; none if one failed.
     taken_off: int = 0  # Degrees of freedom that the errors had lost before the fit, as to means taken off them.
 
     def chi2(self, misfit_v: float = 0.0) -> float:

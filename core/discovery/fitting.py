@@ -386,9 +386,11 @@ class Fitter:
         counts = np.concatenate([observed.count[mask] for observed, _, mask in masks])
         volts, sigma = np.concatenate(parts), np.concatenate(sigmas)
         rmse = _sample_rmse(volts, counts, self.problem.noise_v)
-        held_rmse = self._held(effects, fit)
+        held_rmse, held_errors = self._held(effects, fit)
         kelvin = _temperature_error(problem, predictions)
-        explanation = Explanation(effects, fit, adequacy, rmse, held_rmse, volts, sigma, kelvin)
+        explanation = Explanation(
+            effects, fit, adequacy, rmse, held_rmse, volts, sigma, kelvin, held_errors=held_errors
+        )
         systematic = problem.systematic() / problem.deviation()[:, None]
         explanation.estimates = estimates_of(effects, fit, explanation.dispersion(problem.misfit_v), systematic)
         if kelvin is not None:
@@ -415,13 +417,15 @@ class Fitter:
                 found[effect.key] = kelvin
         return found
 
-    def _held(self, effects: tuple[Effect, ...], fit: Refit) -> float:
+    def _held(self, effects: tuple[Effect, ...], fit: Refit) -> tuple[float, tuple[FloatArray, ...]]:
+        """Error on all data that was not fitted, over single samples, and the errors of each hold-out record, V."""
         held = self.problem.held_out(effects, fit.candidate)
         if held is None:
-            return float("inf")
-        errors = np.concatenate([error for _, error in held])
+            return float("inf"), ()
+        errors = [error for _, error in held]
         counts = np.concatenate([observed.count for observed, _ in held])
-        return _sample_rmse(errors, counts, self.problem.held_noise_v)
+        of_records = tuple(errors[len(errors) - len(self.problem.held_observations) :])
+        return _sample_rmse(np.concatenate(errors), counts, self.problem.held_noise_v), of_records
 
     def tell(self, base: Explanation, explanation: Explanation, unless_told: bool = False) -> None:
         """Say in one line how an explanation did, beside the base model; ``unless_told`` only what is not said yet."""

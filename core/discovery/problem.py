@@ -248,7 +248,7 @@ class Problem:
         return next((candidate[name] for name in names if name in candidate), _UNKNOWN_SOC)
 
     def held_out(self, effects: Sequence[Effect], candidate: Candidate) -> list[tuple[Observations, FloatArray]] | None:
-        """Errors (V) on data that was not fitted: the held-out stretches and the hold-out records.
+        """Errors (V) on data that was not fitted: the held-out stretches and, last, the hold-out records.
 
         A hold-out record's initial state of charge is not known either. It is fitted to the record, as that of
         each fitted record is, for every explanation alike; nothing else of the record is used.

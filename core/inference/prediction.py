@@ -73,6 +73,9 @@ class Band:
     # Of that half width what the fitted records are off by, 1.96 times their root-mean-square error: what the model
     # lacks there is taken to be lacking here. 0 where none of them has the signal.
     misfit: float = 0.0
+    # Whether what the parameters leave open is wider than the range of the records, this one and the fitted ones, most
+    # of the time: the fitted records do not determine the signal, and the width is no number to work with.
+    undetermined: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -346,7 +349,7 @@ def _prediction(
         signal.name: band
         for signal in task.observed_in(experiment.target)
         if signal.name in widths
-        for band in [_band(simulated, run, experiment, signal, NORMAL_95 * misfits.get(signal.name, 0.0))]
+        for band in [_band(task, simulated, run, experiment, signal, NORMAL_95 * misfits.get(signal.name, 0.0))]
         if band is not None
     }
     return Prediction(
@@ -363,7 +366,7 @@ def followed(time: FloatArray, at_limit: Sequence[tuple[float, float]]) -> NDArr
 
 
 def _band(
-    simulated: Trajectory, run: ExperimentRun, experiment: Experiment, signal: Signal, misfit: float
+    task: Task, simulated: Trajectory, run: ExperimentRun, experiment: Experiment, signal: Signal, misfit: float
 ) -> Band | None:
     """The band of a signal, wider than what its parameters leave open by a misfit in the shown unit.
 
@@ -379,8 +382,24 @@ def _band(
     left_open = scale * np.interp(time, simulated.time - simulated.time[0], simulated.values(band_of(signal.name)))
     half = np.hypot(left_open, misfit)
     inside = float(np.sum(weight[scale * np.abs(difference) <= half]) / np.sum(weight))
-    wide = _median(weight, left_open) >= _WIDE * scale * float(np.ptp(experiment.scored_target.values(signal.name)))
-    return Band(weighted_rms(weight, half), float(half.max()), inside, wide, _median(weight, half), misfit)
+    open_half, measured = _median(weight, left_open), experiment.scored_target.values(signal.name)
+    return Band(
+        weighted_rms(weight, half),
+        float(half.max()),
+        inside,
+        open_half >= _WIDE * scale * float(np.ptp(measured)),
+        _median(weight, half),
+        misfit,
+        2 * open_half > scale * _range_of_records(task, experiment, signal),
+    )
+
+
+def _range_of_records(task: Task, predicted: Experiment, signal: Signal) -> float:
+    """By how much a measured signal differs over the fitted records and a predicted one, in its own unit."""
+    targets = [experiment.scored_target for experiment in (*task.experiments, predicted)]
+    return float(
+        np.ptp(np.concatenate([one.values(signal.name) for one in targets if signal in task.observed_in(one)]))
+    )
 
 
 def _median(weight: FloatArray, values: FloatArray) -> float:

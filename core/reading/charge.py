@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..printable import counted
+from ..printable import counted, rounded
 from ..trajectory import FloatArray, StepKind, Trajectory
 from .counters import LATE_S, counted_between
 from .gaps import gaps_in
@@ -56,10 +56,11 @@ def _of_counter(samples: Samples, drawn: FloatArray, passed: FloatArray) -> list
         )
     if len(late):
         k = int(late[np.argmax(np.abs(missed[late]))])
+        took_s = rounded(samples.time[k + 1] - samples.time[k], 3)
         notes.append(
             f"the current switches between samples far apart in {counted(len(late), 'place')}, so it adds up to "
             f"another charge than the file's own counter: {np.sum(missed[late]):+.3g} A.h in all, most "
-            f"({missed[k]:+.3g} A.h in {samples.time[k + 1] - samples.time[k]:.3g} s) after {samples.place(k)}."
+            f"({rounded(missed[k], 3, sign=True)} A.h in {took_s} s) after {samples.place(k)}."
         )
     return notes
 
@@ -81,7 +82,7 @@ def _of_offset(trajectory: Trajectory) -> list[str]:
     if abs(ended_v - began_v) > SAME_REST_V or abs(net) < NOT_BACK_SHARE * size or len(trajectory.cycles) > 1:
         return []
     return [
-        f"it begins at rest at {began_v:.3f} V and ends so at {ended_v:.3f} V, yet {abs(net):.3g} A.h more "
+        f"it begins at rest at {began_v:.3f} V and ends so at {ended_v:.3f} V, yet {rounded(abs(net), 3)} A.h more "
         f"{'is drawn than charged' if net > 0 else 'is charged than drawn'} ({100 * abs(net) / size:.2g} %): an offset "
         f"of the current of up to {1e3 * abs(net) / hours:.2g} mA would explain it "
         f"(--current-offset {-net / hours:.2g})."

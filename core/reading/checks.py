@@ -21,7 +21,7 @@ from .largest_charge import check_charge
 from .samples import Samples
 from .still_voltage import still_voltage_note
 from .temperature import KELVIN, with_usable_temperature
-from .time_unit import check_time_unit
+from .time_unit import with_doubtful_unit_noted
 from .values import check_range, check_size, check_units, without_glitches, without_missing
 
 MIN_SAMPLES = 10
@@ -41,7 +41,7 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     samples = with_clock(carried_on(samples, options.join))
     samples = without_glitches(samples)
     check_range(samples)
-    check_time_unit(samples)
+    samples = with_doubtful_unit_noted(samples)
     check_charge(samples, options)
     samples = with_switches_counted(with_sign(samples, options))
     samples = _without_offset(samples, options.current_offset_a)
@@ -62,8 +62,8 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
         samples = samples.noted(words)
     if options.ambient_c is None and ambient is not None and ambient - 273.15 > HOT_C:
         samples = samples.noted(
-            f"the ambient temperature of {ambient - 273.15:.1f} degC is a high one: a temperature in degF is to be "
-            "converted first."
+            f"the ambient temperature of {ambient - 273.15:.1f} degC is a high one. Is it in degF? Then say "
+            "--unit temperature=degF, or with --temperature what it was in degC."
         )
     if ambient is not None and not KELVIN[0] <= ambient <= KELVIN[1]:
         raise BsaError(

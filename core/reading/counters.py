@@ -6,6 +6,7 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from ..printable import rounded
 from ..trajectory import FloatArray
 from .gaps import gaps_in
 from .samples import Counter, Samples
@@ -85,9 +86,9 @@ def with_switches_counted(samples: Samples) -> Samples:
     widest, widest_s = samples.place(int(places[np.argmax(spacing[places])])), spacing[places].max()
     moved_ah = float(np.sum((passed - sampled)[places]))
     return _with_pairs(samples, places, np.clip(share[places], 0.0, 1.0)).noted(
-        f"the current switches between samples far apart (places: {len(places)}; the widest, {widest_s:.3g} s, after "
-        f"{widest}); when it did is taken from the file's own counter of charge: {moved_ah:+.3g} A.h drawn in all "
-        "against a current that is linear between the samples."
+        f"the current switches between samples far apart (places: {len(places)}; the widest, {rounded(widest_s, 3)} s, "
+        f"after {widest}); when it did is taken from the file's own counter of charge: {moved_ah:+.3g} A.h drawn in "
+        "all against a current that is linear between the samples."
     )
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..errors import BsaError
+from ..printable import rounded
 from ..record import ReadOptions
 from ..trajectory import SECONDS_PER_HOUR
 from .samples import Samples
@@ -28,9 +29,9 @@ def check_charge(samples: Samples, options: ReadOptions) -> None:
     if charges[k] <= _LARGEST_AH:
         return
     raise BsaError(
-        f"{samples.source}: {charges[k]:.4g} A.h pass in one direction from {samples.place(int(first[k]))} to "
+        f"{samples.source}: {rounded(charges[k], 4)} A.h pass in one direction from {samples.place(int(first[k]))} to "
         f"{samples.place(int(last[k]))}, more than any cell holds (column {samples.column('current')}, up to "
-        f"{np.max(np.abs(samples.current)):.4g} A).",
+        f"{rounded(np.max(np.abs(samples.current)), 4)} A).",
         "is the current in mA, or the time in ms? Then say --unit current=mA or --unit time=ms (or --unit current=A if "
         "that is right).",
     )

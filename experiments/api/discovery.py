@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.errors import BsaError
 from ...core.printable import shown
-from ..checked_options import as_mapping, as_names, simulation_workers
+from ..checked_options import as_mapping, as_names, as_numbers, simulation_workers
 from ..read_options import readings
 from ..run_settings import backend_options
 from ..task_request import Records
@@ -37,6 +37,7 @@ def discover(
     reader: str | None = None,
     reader_option: Mapping[str, Any] | None = None,
     temperature: float | Sequence[float] | None = None,
+    initial_soc: float | Sequence[float] | None = None,
     life: bool = False,
     fit_cycles: int | None = None,
     parameters: Parameters | None = None,
@@ -69,6 +70,9 @@ def discover(
         How files and DataFrames are read; see `read_record`.
     constant_current, current_offset, voltage_lag, temperature : float or sequence of float, optional
         As there; one for all records, or one for each in their order, held-out ones last.
+    initial_soc : float or sequence of float, optional
+        State of charge at which a record starts, and its fit, where its first voltage does not tell; one for all
+        fitted records, or one for each in their order.
     life : bool
         Whether the record is a cell's whole life, and what is missing is the mechanism that ages it.
     fit_cycles : int, optional
@@ -131,7 +135,14 @@ def discover(
         raise BsaError("data is empty.", "give one record at least.")
     asked = discover_options(
         Records(
-            fitted, held, reads, reader, as_mapping(reader_option, "--reader-option"), life=life, fit_cycles=fit_cycles
+            fitted,
+            held,
+            reads,
+            reader,
+            as_mapping(reader_option, "--reader-option"),
+            as_numbers(initial_soc, "--initial-soc"),
+            life=life,
+            fit_cycles=fit_cycles,
         ),
         None if out is None else Path(out),
         parameters=given_parameters(parameters),

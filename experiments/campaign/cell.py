@@ -73,7 +73,7 @@ class Report:
     state: State  # ``busy``: another process has it. ``stopped``: interrupted. ``lost``: its worker died.
     result: Mapping[str, Any] = field(default_factory=dict)  # What ``result.json`` holds, where there is one.
     reason: str = ""  # Why it failed.
-    memory_mb: float = 0.0  # Resident memory of the worker afterwards.
+    memory_mb: float = 0.0  # Resident memory of the worker afterwards, without the language models that it keeps.
 
 
 def carry_out(order: Order) -> Report:
@@ -121,11 +121,16 @@ def _allow_children() -> None:
 
 
 def memory_mb() -> float:
-    """Resident memory of this process, MB; 0 where the system does not tell."""
+    """Resident memory of this process without its language models, MB; 0 where the system does not tell.
+
+    A worker that was replaced for the size of its model would load it again for each cell.
+    """
+    from ...backends.loaded_model import taken_mb
+
     try:
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     except (OSError, ValueError, IndexError):
         return 0.0
     import resource
 
-    return pages * resource.getpagesize() / 1e6
+    return max(pages * resource.getpagesize() / 1e6 - taken_mb(), 0.0)

@@ -32,6 +32,7 @@ def discover(
     holdout: shared.Holdout = None,
     join: shared.Join = False,
     reading: shared.Reading,
+    initial_soc: shared.InitialSocs = None,
     life: shared.Life = False,
     fit_cycles: shared.FitCycles = None,
     parameters: Annotated[
@@ -110,6 +111,7 @@ def discover(
             reading.options(join),
             reading.reader,
             reading.reader_options,
+            initial_soc or (),
             life=life,
             fit_cycles=fit_cycles,
         ),

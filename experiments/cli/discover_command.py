@@ -24,11 +24,12 @@ def discover_command(task: Task, data: Sequence[Path], holdout: Sequence[Path], 
     if not fitted:
         return ""
     each = [True, *over_time[len(data) :]] if options.get("--join") else over_time
+    of_records = [each, each[: len(each) - len(holdout)]]  # What is said of all records, and of the fitted ones alone.
     words = ["bsa", "discover", "--data", *map(str, fitted), *(["--holdout"] if held_out else []), *map(str, held_out)]
     for name, value in options.items():
         values = value if isinstance(value, list) else [value]
-        if len(values) == len(each) and all(isinstance(one, float) for one in values):
-            values = _kept(values, each)
+        if all(isinstance(one, float) for one in values):
+            values = next((_kept(values, over) for over in of_records if len(over) == len(values)), values)
         for one in values:
             # A temperature of 0 equals False.
             words += [] if one is None or one is False else [name] if one is True else [name, str(one)]

@@ -35,8 +35,11 @@ def app() -> typer.Typer:
     from .predict import predict
     from .run import run
     from .several_files import RecordsCommand
+    from .usage_errors import UsageGroup
 
-    result = typer.Typer(name="bsa", no_args_is_help=True, context_settings=_CONTEXT, pretty_exceptions_enable=False)
+    result = typer.Typer(
+        name="bsa", cls=UsageGroup, no_args_is_help=True, context_settings=_CONTEXT, pretty_exceptions_enable=False
+    )
     result.callback()(_bsa)
     result.command("run", cls=RecordsCommand)(run)
     result.command("predict", cls=RecordsCommand)(predict)

@@ -224,6 +224,7 @@ def run(
             "--no-scale": not scale,
             "--join": join,
             **reading.typed,
+            "--initial-soc": initial_soc,
         }
         to_discover = discover_command(request.task, data, holdout or (), typed)
     _execute(request, resources, as_json, identifiability, to_discover)

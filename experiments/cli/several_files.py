@@ -6,6 +6,7 @@ from typing import Any
 from typer.core import TyperCommand
 
 from ...core.reading.part_of_file import file_and_part
+from .usage_errors import usage_refused
 
 RECORD_OPTIONS = ("--data", "--holdout")
 _TASK_FILES = (".yaml", ".yml", ".json")
@@ -16,7 +17,8 @@ class RecordsCommand(TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """See `TyperCommand`."""
-        return super().parse_args(ctx, one_option_a_file(args))
+        with usage_refused():
+            return super().parse_args(ctx, one_option_a_file(args))
 
 
 def one_option_a_file(arguments: Sequence[str]) -> list[str]:

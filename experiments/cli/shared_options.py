@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from . import completion
+from .usage_errors import option_or_argument
 
 if TYPE_CHECKING:
     from ...core.record import ReadOptions
@@ -98,8 +99,9 @@ Resume = Annotated[Path | None, output_option(metavar="FOLDER", help="Go on with
 def note_what_resuming_leaves(context: typer.Context, taken: Collection[str]) -> None:
     """Say which of the typed options a run that is gone on with does not take; those of these names it takes."""
     left = [
-        parameter.opts[-1] if parameter.opts[-1].startswith("-") else f"the argument {str(parameter.name).upper()}"
+        name if name.startswith("-") else f"the argument {name}"
         for parameter in context.command.params
+        for name in [option_or_argument(parameter)]
         if parameter.name not in ("resume", *taken)
         and getattr(context.get_parameter_source(str(parameter.name)), "name", "") == "COMMANDLINE"
     ]

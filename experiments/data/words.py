@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ...core.printable import counted
+from ...core.printable import counted, rounded
 from ...core.reading.summary import RecordSummary, ResistanceRow, StepRow
 from ...core.record import Record
 from ...core.spectrum import ImpedanceSpectrum
@@ -122,7 +122,8 @@ def record_lines(found: RecordSummary) -> Iterator[str]:
 def spectrum_lines(found: ImpedanceSpectrum) -> Iterator[str]:
     """An impedance spectrum: its range, its resistance on the real axis, and what was assumed."""
     yield found.name
-    yield f"  impedance spectrum, {len(found)} points, {found.frequency[0]:.4g} to {found.frequency[-1]:.4g} Hz"
+    highest, lowest = (rounded(found.frequency[k], 4) for k in (0, -1))
+    yield f"  impedance spectrum, {len(found)} points, {highest} to {lowest} Hz"
     if found.voltage is not None:
         yield f"  voltage      {found.voltage:.3f} V"
     if found.temperature_k is not None:
@@ -132,7 +133,7 @@ def spectrum_lines(found: ImpedanceSpectrum) -> Iterator[str]:
         yield f"  ohmic        {1e3 * ohmic:.2f} mohm, where the imaginary part is zero"
     for k in (0, len(found) - 1):
         z = 1e3 * found.impedance[k]
-        yield f"  at {f'{found.frequency[k]:.4g} Hz':<13s}{z.real:.2f} {z.imag:+.2f}j mohm"
+        yield f"  at {f'{rounded(found.frequency[k], 4)} Hz':<13s}{z.real:.2f} {z.imag:+.2f}j mohm"
     yield from problem_lines(found.notes)
 
 

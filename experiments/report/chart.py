@@ -71,6 +71,16 @@ class Marker:
     title: str
 
 
+@dataclass(frozen=True)
+class Label:
+    """A text beside a point, in pixels; ``anchor`` is the end of the text that stands there, as SVG names it."""
+
+    x: float
+    y: float
+    text: str
+    anchor: str = "middle"
+
+
 @dataclass
 class Panel:
     """One set of axes; curves and markers are given in values."""
@@ -82,6 +92,7 @@ class Panel:
     shows_zero: bool = False
     lines: list[Line] = field(default_factory=list)
     markers: list[Marker] = field(default_factory=list)
+    labels: list[Label] = field(default_factory=list)
 
     @property
     def top(self) -> float:

@@ -1,15 +1,17 @@
 """``report.html`` of a discovery: where the model was wrong, what was added, and how the gap shrank."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...core.discovery.current_offset import current_offset
 from ...core.discovery.localisation import LAYOUTS
 from ...core.discovery.observations import Observations
 from ...core.discovery.problem import Problem
 from ...core.discovery.record_discovery import RecordDiscovery
 from ...core.discovery.simulator import Prediction
+from ...core.trajectory import FloatArray
 from .base_parameters import base_parameters
 from .chart import Chart, Key, horizontal, padded
 from .templates import template
@@ -24,11 +26,12 @@ class _Figure:
 
     name: str
     chart: Chart
+    held_out: str = ""  # Of a record that was held out, that it was, and what of it was fitted all the same.
 
 
 def render(discovery: RecordDiscovery, problem: Problem) -> str:
     """The page as HTML: no scripts, nothing loaded from elsewhere; the problem draws the curves again."""
-    figures = _figures(discovery, problem)
+    figures = [*_fitted(discovery, problem), *_held_out(discovery, problem)]
     content = discovery.to_json()
     with_effect = bool(discovery.findings.best.effects)
     page = template("record_discovery.html.j2")
@@ -36,7 +39,7 @@ def render(discovery: RecordDiscovery, problem: Problem) -> str:
     return page.render(d=content, layouts=LAYOUTS, figures=figures, with_effect=with_effect, base=base)
 
 
-def _figures(discovery: RecordDiscovery, problem: Problem) -> list[_Figure]:
+def _fitted(discovery: RecordDiscovery, problem: Problem) -> list[_Figure]:
     found = discovery.findings
     before = problem.predict((), found.gap.nearest.fit.candidate)
     after = problem.predict(found.best.effects, found.best.fit.candidate) if found.best.effects else None
@@ -44,17 +47,38 @@ def _figures(discovery: RecordDiscovery, problem: Problem) -> list[_Figure]:
         return []
     last: Sequence[Prediction | None] = after or [None] * len(before)
     rows = zip(problem.observations, before, last, strict=True)
-    return [_figure(place, *row) for place, row in enumerate(rows)]
+    return [
+        _figure(f"record-{place}", observed, base.voltage, None if augmented is None else augmented.voltage)
+        for place, (observed, base, augmented) in enumerate(rows)
+    ]
 
 
-def _figure(place: int, observed: Observations, base: Prediction, augmented: Prediction | None) -> _Figure:
-    simulated = {"initial": base.voltage} | ({} if augmented is None else {"best": augmented.voltage})
+def _held_out(discovery: RecordDiscovery, problem: Problem) -> list[_Figure]:
+    """The hold-out records, as their errors were told; none where the base model cannot be simulated over them."""
+    best, before = discovery.findings.best, discovery.findings.gap.nearest.held_errors
+    if not before:
+        return []
+    last: Sequence[FloatArray | None] = (best.held_errors if best.effects else ()) or [None] * len(before)
+    rows = zip(problem.held_observations, before, last, strict=True)
+    figures = []
+    for place, (observed, base, augmented) in enumerate(rows):
+        after = None if augmented is None else observed.voltage - augmented
+        offset = current_offset(observed.measured_record)
+        fitted = "its initial state of charge" + " and an offset of its current" * (offset is not None)
+        figure = _figure(f"held-out-{place}", observed, observed.voltage - base, after)
+        figures.append(replace(figure, held_out=f"Held out: no more than {fitted} was fitted to this record."))
+    return figures
+
+
+def _figure(name: str, observed: Observations, base: FloatArray, augmented: FloatArray | None) -> _Figure:
+    """The figure of a record, from the voltage of the base model and of that with the effect, V."""
+    simulated = {"initial": base} | ({} if augmented is None else {"best": augmented})
     scale, unit = time_unit(float(observed.time[-1]))
     time, measured = observed.time / scale, observed.voltage
     residuals = {style: 1e3 * (values - measured) for style, values in simulated.items()}
     labels = {"initial": "base model", "best": "base model with the effect"}
     chart = Chart(
-        f"record-{place}",
+        name,
         "Voltage and residuals over time",
         horizontal(float(time[0]), float(time[-1])),
         f"Time / {unit}",

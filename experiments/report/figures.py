@@ -162,11 +162,12 @@ def _predicted(
 
 
 def _half_width(curve: Trajectory, signal: Signal, prediction: Prediction) -> FloatArray | None:
-    """Half the width of a signal's 95 % band along its curve, in the shown unit; None if it has none."""
-    if band_of(signal.name) not in curve.signals or signal.name not in prediction.bands:
+    """Half the width of a signal's 95 % band along its curve, in the shown unit; None if it has none to draw."""
+    band = prediction.bands.get(signal.name)
+    if band_of(signal.name) not in curve.signals or band is None or band.undetermined:
         return None
     left_open = signal.shown_scale * curve.values(band_of(signal.name))
-    return np.hypot(left_open, prediction.bands[signal.name].misfit)
+    return np.hypot(left_open, band.misfit)
 
 
 def _beyond_panel(panel: Panel, signal: Signal, half: FloatArray) -> list[str]:

@@ -21,6 +21,10 @@ _NAMED = 10
 
 FITTED, HELD_OUT = "fitted", "held out"
 
+UNDETERMINED = "not determined"
+"""What is told of a 95 % band that is wider than the range of the records, in place of its width."""
+
+
 EMPTY_APART = "in which the simulated cell was neither empty nor full"
 """Of the time over which a band is, where the simulated cell reached a limit."""
 
@@ -66,6 +70,7 @@ class ErrorRow:
         half = f"{self.band} {self.unit} (median{part})"
         where = "" if self.followed else f" {EMPTY_APART}"
         band = f"; 95 % band ± {half} holds {self.inside} of the {self.over}{where}" if self.band else ""
+        band = f"; 95 % band {self.band}" if self.band == UNDETERMINED else band
         note = f"; {self.note}" if self.note else ""
         return (
             f"{who}: {self.signal} {self.rms} {self.unit} rms ({self.most} over 99 % of the {self.over}), "
@@ -118,7 +123,7 @@ def _rows(task: Task, errors: RecordErrors, use: str, bands: dict[str, Band]) ->
         )
         band = bands.get(name)
         told = ("", "", "") if band is None else _band(band)
-        wide = _left_open(band, error.unit) if band is not None and band.wide else ""
+        wide = _left_open(band, error.unit) if band is not None else ""
         remark = "; ".join(part for part in (stopped, *errors.limits, wide) if part)
         over = "cycles" if name == CAPACITY else "time" if errors.impedance is None else "decades"
         note = "" if errors.impedance is None or rows else errors.impedance.words
@@ -136,7 +141,17 @@ def _step_by_step(cycles: tuple[int, ...]) -> str:
 
 
 def _left_open(band: Band, in_unit: str) -> str:
-    """How much of a wide band is the parameters': the squares of what they and the misfit add to its half add up."""
+    """How much of a wide band is the parameters': the squares of what they and the misfit add to its half add up.
+
+    Empty where the band is not wide.
+    """
+    if band.undetermined:
+        return (
+            "the 95 % band of the parameters that the fitted records leave open is wider than the range of these "
+            "records and of this one"
+        )
+    if not band.wide:
+        return ""
     own = math.sqrt(max(_half(band) ** 2 - band.misfit**2, 0.0))
     size = f"± {number(own, _DIGITS)} {unit(in_unit)}"
     return f"{size} of this band come from parameters that the fitted records leave open"
@@ -147,6 +162,8 @@ def _half(band: Band) -> float:
 
 
 def _band(band: Band) -> tuple[str, str, str]:
+    if band.undetermined:
+        return UNDETERMINED, "", ""
     half = _half(band)
     misfit = number(band.misfit, _DIGITS) if band.misfit else ""
     return number(half, _DIGITS), f"{number(100 * band.inside, 2)} %", misfit

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ...core.printable import rounded
 from ...core.record import Record
 from ...core.segmentation.recognised_protocol import with_switches
 from ...core.task import CellModel
@@ -56,8 +57,9 @@ def size_factor(
     if _SAME_SIZE[0] <= ratio <= _SAME_SIZE[1]:
         return 1.0, ""
     return ratio, (
-        f"The records hold {charge.ah:.3g} A.h{charge.why}, the parameter set's cell {capacity_ah:.3g} A.h: "
-        f'"{WIDTH}" starts from {ratio:.3g} times its value (--no-scale keeps it).'
+        f"The records hold {rounded(charge.ah, 3)} A.h{charge.why}, the parameter set's cell "
+        f'{rounded(capacity_ah, 3)} A.h: "{WIDTH}" starts from {rounded(ratio, 3)} times its value '
+        "(--no-scale keeps it)."
         + " Is the current in mA? Then say --unit current=mA."
         * (ratio >= _FAR_LARGER and charge.ah >= _LARGE_AH)
     )
@@ -71,7 +73,7 @@ def _from_start(record: Record, values: Any, soc: float | None) -> list[_Charge]
     drawn = with_switches(first).discharge_capacity
     passed, share = (float(np.max(drawn)), soc) if soc > _HALF else (-float(np.min(drawn)), 1.0 - soc)
     holds = passed / share
-    from_part = f" ({passed:.3g} A.h pass from a state of charge of {soc:.3g} on)"
+    from_part = f" ({rounded(passed, 3)} A.h pass from a state of charge of {soc:.3g} on)"
     return [_Charge(holds, from_part * (f"{holds:.3g}" != f"{passed:.3g}"))]
 
 
@@ -99,6 +101,6 @@ def other_size_note(record: Record, values: Any, capacity_ah: float) -> str:
     if not spans or _SAME_SIZE[0] <= max(spans) / capacity_ah <= _SAME_SIZE[1]:
         return ""
     return (
-        f"the record holds {max(spans):.3g} A.h, the cell of the fit {capacity_ah:.3g} A.h, nominally: is it a record "
-        "of this cell?"
+        f"the record holds {rounded(max(spans), 3)} A.h, the cell of the fit {rounded(capacity_ah, 3)} A.h, nominally: "
+        "is it a record of this cell?"
     )

@@ -86,7 +86,7 @@ def build_task(
             for request, record in zip(records, loaded, strict=True)
             for note in (*record.notes, *_too_many_cycles(record))
         ),
-        *(note for request in spectra for note in spectrum_notes(request)),
+        *(note for request in spectra for note in spectrum_notes(request, cell.model)),
         *cell.notes,
         *left_out,
         *said,
@@ -240,7 +240,7 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
         if e.initial_voltage is not None and not e.long and begins_under_load(e.target)
     ]
     experiments += [spectrum_experiment(request) for request in spectra]
-    notes += [note for request in spectra for note in spectrum_notes(request, " (held out)")]
+    notes += [note for request in spectra for note in spectrum_notes(request, task.cell, " (held out)")]
     return replace(task, held_out=(*task.held_out, *experiments), notes=(*task.notes, *notes))
 
 

@@ -50,6 +50,7 @@ def ask(
             problems.append(f"{NO_REPLY}: {failure}")
             break
         else:
+            problems.extend(reply.rejected)
             try:
                 return Answer(check(parse_object(reply.text, schema.get("properties", ()))), tuple(problems), reply)
             except BsaError as error:

@@ -17,7 +17,9 @@ from .table import no_column
 
 SIGNALS: tuple[Signal, ...] = get_args(Signal)
 
-_ZERO_C_IN_K = 273.15
+_ZERO_C_IN_K, _ZERO_C_IN_F = 273.15, 32.0
+_KELVIN = ("k", "kelvin")
+_FAHRENHEIT = ("degf", "°f", "f", "fahrenheit", "deg f", "degreefahrenheit", "degree_fahrenheit")
 
 _FACTORS: Mapping[Signal, Mapping[str, float]] = {
     "time": {
@@ -34,15 +36,15 @@ _FACTORS: Mapping[Signal, Mapping[str, float]] = {
     },
     "temperature": {
         **dict.fromkeys(["degc", "°c", "c", "celsius", "deg c", "degreecelsius", "degree_celsius", "t1"], 1.0),
-        **dict.fromkeys(["k", "kelvin"], 1.0),
+        **dict.fromkeys(_KELVIN, 1.0),
+        **dict.fromkeys(_FAHRENHEIT, 5.0 / 9.0),
     },
 }
-_KELVIN = ("k", "kelvin")
 _OFFERED: Mapping[Signal, str] = {
     "time": "s, ms, min, h or d",
     "voltage": "V or mV",
     "current": "A or mA",
-    "temperature": "degC or K",
+    "temperature": "degC, K or degF",
 }
 
 NAMES: Mapping[Signal, tuple[str, ...]] = {
@@ -113,13 +115,19 @@ class Column:
 
     def in_si(self, values: FloatArray) -> FloatArray:
         """Values in s, V, A or K; without a unit they are taken to be in s, V, A or degC."""
+        if self.signal == "temperature":
+            return self._in_kelvin(values)
         factor = _FACTORS[self.signal][self.unit] if self.unit else 1.0
         # Dividing by a round number keeps 3700 mV exactly 3.7 V.
         with np.errstate(over="ignore"):  # an infinite number is refused by its row
-            scaled = values / round(1.0 / factor) if factor < 1.0 else values * factor
-        if self.signal == "temperature" and self.unit not in _KELVIN:
-            return np.asarray(scaled + _ZERO_C_IN_K)
-        return scaled
+            return values / round(1.0 / factor) if factor < 1.0 else values * factor
+
+    def _in_kelvin(self, values: FloatArray) -> FloatArray:
+        if self.unit in _KELVIN:
+            return values
+        zero = _ZERO_C_IN_F if self.unit in _FAHRENHEIT else 0.0
+        factor = _FACTORS["temperature"][self.unit] if self.unit else 1.0
+        return np.asarray((values - zero) * factor + _ZERO_C_IN_K)
 
 
 def split_name(name: str) -> tuple[str, str | None]:

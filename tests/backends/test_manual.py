@@ -30,6 +30,7 @@ from bsa.core.messages import (
 from bsa.core.proposal import apply_change
 from bsa.core.run.journal import FORMAT, Journal, read_events
 from bsa.core.run.recording import Recorder
+from bsa.plugins.agent.conversation import ask
 
 
 class Canned:
@@ -124,6 +125,18 @@ def test_actions_without_changes_are_votes_too(schema):
     assert json.loads(reply.text) == measure
     reply = _vote(schema, measure, _says({"A": "*8"}), change)
     assert json.loads(reply.text)["updated_params"] == {"A": "*4"}
+
+
+def test_each_vote_that_cannot_be_used_is_counted(schema):
+    good, idle = _says({"A": "*2"}), _says({})
+    for replies, problems in (
+        ((good, "nonsense", idle), ("vote 2: ", "vote 3: it changes nothing")),
+        (("nonsense", "more", idle, good, good, good), ("vote 2: ", "vote 3: it changes nothing", "")),
+    ):
+        answer = ask(VotingBackend(Canned(*replies), 3), [], schema, dict, seed=5)
+        assert answer.value is not None
+        assert len(answer.problems) == len(problems)
+        assert all(told.startswith(begin) for told, begin in zip(answer.problems, problems, strict=True))
 
 
 def test_votes_have_seeds_of_their_own_and_leave_other_questions_alone(schema):
@@ -223,6 +236,8 @@ def test_every_reply_and_every_vote_stands_in_the_journal(tmp_path, schema):
     assert [bool(ballot["problem"]) for ballot in vote["ballots"]] == [False, True, False]
     assert "median" in vote["rule"]
     assert (recorder.calls, recorder.usage) == (3, merged.usage)
+    assert vote["rejected"] == list(merged.rejected) == [f"vote 2: {vote['ballots'][1]['problem']}"]
+    assert ReplayBackend(read_events(tmp_path), "again").complete([], schema, seed=0).rejected == merged.rejected
 
 
 @pytest.mark.parametrize("kept", range(5))

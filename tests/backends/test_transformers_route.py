@@ -1,12 +1,13 @@
 import json
 import re
+import shutil
 import time
 
 import pytest
 from bsa.backends.loaded_model import LoadedModel, load
 from bsa.backends.opening import open_backend
 from bsa.backends.options import BackendOptions
-from bsa.core.messages import BackendFailure, Message
+from bsa.core.messages import BackendFailure, Message, PromptRefused
 from bsa.core.proposal import CHANGE_PATTERN
 from bsa.plugins.agent.actions import Offer, action_schema, check_action
 from bsa_toy_cell import space
@@ -110,5 +111,64 @@ def test_a_model_without_chat_template_completes_a_transcript(tiny_model, messag
 def test_a_time_limit_ends_a_reply(tiny_model, messages, schema):
     began = time.monotonic()
     schema["properties"]["analysis"]["maxLength"] = 10_000
-    _open(tiny_model, timeout_s=0.2, max_reply_tokens=1500).complete(messages, schema, seed=0)
+    reply = _open(tiny_model, timeout_s=0.2, max_reply_tokens=1500).complete(messages, schema, seed=0)
     assert time.monotonic() - began < 5
+    assert reply.notes[-1] == "the reply was cut at its longest time (0.2 s; timeout_s)"
+
+
+def test_only_a_reply_that_was_cut_is_told_as_such(tiny_model, messages, schema):
+    cut = _open(tiny_model, max_reply_tokens=16).complete(messages, schema, seed=0)
+    assert cut.notes[-1] == "the reply was cut at its longest length (16 tokens; max_reply_tokens)"
+    whole = _open(tiny_model, max_reply_tokens=400, timeout_s=60).complete(messages, schema, seed=0)
+    assert not any("cut" in note for note in whole.notes)
+    assert _valid(whole.text, schema)
+
+
+def test_a_prompt_for_which_the_gpu_has_no_memory_is_refused(tiny_model, messages, schema, monkeypatch):
+    import torch
+
+    def full(*_, **__):
+        raise torch.cuda.OutOfMemoryError("CUDA out of memory. Tried to allocate 256.00 MiB.")
+
+    backend = _open(tiny_model, max_reply_tokens=400)
+    with monkeypatch.context() as patched:
+        patched.setattr(backend._inner._loaded.model, "generate", full)
+        with pytest.raises(PromptRefused, match=r"has \d+ tokens, .* no memory left for them: end other programs"):
+            backend.complete(messages, schema, seed=0)
+    assert _valid(backend.complete(messages, schema, seed=0).text, schema)
+
+
+def test_a_backend_gives_its_model_back_once(tiny_model):
+    stays, goes = _open(tiny_model), _open(tiny_model)
+    users = stays._inner._loaded.users
+    goes.close()
+    goes.close()
+    assert stays._inner._loaded.users == users - 1
+
+
+@pytest.fixture
+def padded_model(tiny_model, tmp_path):
+    """As Qwen's: more rows of weights than the tokenizer has tokens."""
+    import transformers
+
+    folder = shutil.copytree(tiny_model, tmp_path / "padded")
+    model = transformers.Qwen2ForCausalLM.from_pretrained(tiny_model)
+    model.resize_token_embeddings(2 * model.config.vocab_size, mean_resizing=False)
+    model.save_pretrained(folder)
+    return folder
+
+
+def test_tokens_that_the_tokenizer_lacks_are_never_chosen_under_a_schema(padded_model, messages, schema):
+    backend = _open(padded_model, temperature=1.8, max_reply_tokens=400)
+    for seed in range(3):
+        reply = backend.complete(messages, schema, seed=seed)
+        assert reply.structured_by == "schema"
+        assert _valid(reply.text, schema)
+
+
+def test_tokens_that_the_tokenizer_lacks_are_left_out_without_a_schema(padded_model, messages, schema):
+    backend = _open(padded_model, temperature=1.8, max_reply_tokens=64)
+    backend._inner._loaded.__dict__["grammar_tokenizer"] = None
+    reply = backend.complete(messages, schema, seed=0)
+    assert reply.structured_by == "text"
+    assert reply.text

@@ -18,11 +18,12 @@ from bsa.experiments.discovery_bench.hidden_cell import Hidden, measure
 from bsa.experiments.discovery_bench.hidden_physics import EFFECTS
 from bsa.experiments.discovery_bench.making import _write
 from bsa.experiments.discovery_bench.protocols import Step
-from bsa.experiments.discovery_case import DiscoverOptions, read_case, spreads_of
+from bsa.experiments.discovery_case import DiscoverOptions, discover_options, read_case, spreads_of
 from bsa.experiments.discovery_journal import opened, read_options
 from bsa.experiments.discovery_setup import set_up
 from bsa.experiments.run import read_request
 from bsa.experiments.run_record import read_run
+from bsa.experiments.task_request import Records
 from bsa.plugins.pybamm.cells.parameter_sets import pybamm
 from bsa.plugins.pybamm.export.augmented_script import augmented_script
 from bsa.plugins.pybamm.export.calibrated_script import parameter_values_json
@@ -78,6 +79,23 @@ def test_records_keep_the_names_of_their_files_and_those_of_one_name_are_told_ap
     names = [record.name for record in (*case.measured_records, *case.held)]
     assert names == ["cell (record 1)", "cell (record 2)", "other"]
     assert set(case.initial_soc) == set(names)
+
+
+def test_a_record_starts_at_the_state_of_charge_that_was_said_of_it(tmp_path):
+    files = [half_discharge(tmp_path / f"{name}.csv", 0.0) for name in ("a", "b", "held")]
+
+    def begun(*socs):
+        records = Records(files[:2], files[2:], initial_soc=socs)
+        asked = discover_options(records, tmp_path / "out", parameters="Chen2020", model="SPM", scale=False)
+        return read_case(asked).initial_soc
+
+    told = begun()
+    assert begun(0.7, 0.8) == {"a": 0.7, "b": 0.8, "held": told["held"]}
+    assert begun(0.7) == {"a": 0.7, "b": 0.7, "held": told["held"]}
+    with pytest.raises(BsaError, match="3 initial states of charge were given for 2 records"):
+        begun(0.7, 0.8, 0.9)
+    with pytest.raises(BsaError, match=r"an initial state of charge is 90"):
+        begun(90.0)
 
 
 def test_what_was_assumed_of_the_records_is_told_before_anything_is_simulated(tmp_path, monkeypatch):
@@ -237,7 +255,8 @@ def test_a_hidden_resistance_is_found_from_files(tmp_path):
     page = (tmp_path / "out" / "report.html").read_text()
     assert "content=\"default-src 'none'; style-src 'unsafe-inline'\"" in page
     assert "contact-resistance" in page
-    assert "<svg" in page
+    assert page.count('<svg class="chart"') == 2
+    assert "<h3>held, held out</h3>" in page
     assert "<script" not in page
     script = [sys.executable, tmp_path / "out" / "augmented_model.py"]
     said = subprocess.run(script, capture_output=True, text=True, timeout=300, check=True).stdout

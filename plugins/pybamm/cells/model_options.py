@@ -4,17 +4,21 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
+<<<<<<< HEAD:plugins/pybamm/cells/model_options.py
 from ....core.errors import unknown
 from ....core.printable import shown
+=======
+from ...core.errors import BsaError, did_you_mean, unknown
+from ...core.printable import shown
+>>>>>>> left:plugins/pybamm/model_options.py
 from .parameter_sets import pybamm
 
 
 def in_pybamm_spelling(options: Mapping[str, Any]) -> dict[str, Any]:
     """Options with names and values as PyBaMM has them, whatever their case; true and false as words.
 
-    ``{"Contact resistance": True, "sei": "Reaction Limited"}``; a pair is one value for each electrode. A value that
-    PyBaMM does not know stays as it is: PyBaMM names those that it has when the model is built. Raises `BsaError` if
-    there is no option of such a name.
+    ``{"Contact resistance": True, "sei": "Reaction Limited"}``; a pair is one value for each electrode. Raises
+    `BsaError` if there is no option of such a name, or it has no such value.
     """
     known = _known()
     result: dict[str, Any] = {}
@@ -23,7 +27,7 @@ def in_pybamm_spelling(options: Mapping[str, Any]) -> dict[str, Any]:
         if not own:
             names = [known_name for known_name, _ in known.values()]
             raise unknown(f'PyBaMM has no model option "{shown(name)}".', str(name), names, "options: {}.")
-        result[own] = _value(value, values)
+        result[own] = _value(own, value, values)
     return result
 
 
@@ -37,8 +41,14 @@ def _known() -> Mapping[str, tuple[str, Mapping[str, str]]]:
     }
 
 
-def _value(value: Any, known: Mapping[str, str]) -> Any:
+def _value(option: str, value: Any, known: Mapping[str, str]) -> Any:
     if isinstance(value, (list, tuple)):
-        return [_value(part, known) for part in value]
+        return [_value(option, part, known) for part in value]
     text = str(value).casefold()
-    return known.get(text, text if isinstance(value, bool) else value)
+    if text in known:
+        return known[text]
+    if not isinstance(value, (str, bool)):
+        return value  # of an option that takes numbers, or refused by PyBaMM when the model is built
+    message = f'the model option "{option}" has no value "{shown(text if isinstance(value, bool) else value)}".'
+    listed = f"Values: {', '.join(known.values())}."
+    raise BsaError(message, " ".join(filter(None, [did_you_mean(text, known.values()), listed])))

@@ -32,6 +32,16 @@ def test_the_hidden_effect_is_named_and_measured(name, held):
     assert findings.best.held_rmse_v < findings.base.held_rmse_v
 
 
+@pytest.mark.parametrize("held", [True, False])
+def test_an_explanation_keeps_the_errors_of_the_hold_out_records_that_its_own_error_is_of(held):
+    problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01}, held)
+    found = Engine(problem, space, CATALOGUE, toy.EVIDENCE)._fitter.at((), space, np.zeros(len(space)))
+    assert [len(error) for error in found.held_errors] == [len(one) for one in problem.held_observations]
+    for error, observed in zip(found.held_errors, problem.held_observations, strict=True):
+        squares = error**2 + observed.noise**2 * (1 - 1 / observed.count)
+        assert np.sqrt(np.average(squares, weights=observed.count)) == pytest.approx(found.held_rmse_v)
+
+
 def test_nothing_is_named_where_nothing_is_missing():
     verdicts = [run({}, seed).verdict for seed in range(25)]
     assert verdicts.count("no-missing-effect") == len(verdicts)

@@ -13,6 +13,7 @@ from bsa.core.run.loop import RunResult
 from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.experiments.report.figures import prediction_overlays
 from bsa.experiments.report.records import error_rows
 from bsa.experiments.run import summary
 from bsa.experiments.run_record import read_run
@@ -152,7 +153,7 @@ def test_a_band_too_wide_to_be_linear_is_named() -> None:
     task, target = linear_task()
     fit, new = {"a": 0.2, "b": 0.3}, [Experiment("new", target)]
     narrow, wide = (
-        predict(task, fit, new, Linear(target), [[0.2 + off, 0.15], [0.2 - off, 0.15]])[0] for off in (1e-3, 0.1)
+        predict(task, fit, new, Linear(target), [[0.2 + off, 0.15], [0.2 - off, 0.15]])[0] for off in (1e-3, 0.02)
     )
     assert not narrow.bands["voltage"].wide
     assert wide.bands["voltage"].wide
@@ -162,6 +163,21 @@ def test_a_band_too_wide_to_be_linear_is_named() -> None:
     of_parameters = f"± {left_open:g} mV of this band come from parameters that the fitted records leave open"
     assert told.line.endswith(of_parameters)
     assert not silent.remark
+
+
+def test_a_band_wider_than_the_range_of_the_records_is_told_as_not_determined() -> None:
+    task, target = linear_task()
+    draws = [[0.2 + off, 0.15] for off in (5.0, -5.0)]
+    (found,) = predict(task, {"a": 0.2, "b": 0.3}, [Experiment("new", target)], Linear(target), draws)
+    band = found.bands["voltage"]
+    assert band.undetermined
+    assert found.as_json()["bands"]["voltage"]["median"] == band.median > 1e3 * np.ptp(target.voltage)
+    (told,) = error_rows(task, (), [found])
+    assert "; 95 % band not determined; " in told.line
+    assert told.line.endswith("is wider than the range of these records and of this one")
+    assert "±" not in told.line
+    (figure,) = prediction_overlays(replace(task, held_out=(Experiment("new", target),)), [found])
+    assert "95 % band" not in [key.label for key in figure.chart.keys]
 
 
 class EmptyFrom:

@@ -35,6 +35,15 @@ def test_a_time_that_can_be_in_seconds_is_none_to_ask_about(read: Samples) -> No
     assert len(to_record(read, ReadOptions()).trajectory) == 180
 
 
+@pytest.mark.parametrize(("hours", "asked"), [(10.0, True), (40.0, False)])
+def test_a_slow_test_in_minutes_without_a_unit_is_noted(hours: float, asked: bool) -> None:
+    record = to_record(discharge(2.0 / hours * 60.0, "time"), ReadOptions())
+    found = [note for note in record.notes if "has no unit" in note]
+    assert len(found) == asked
+    if asked:
+        assert ", a rate of about 6.1C. Is it in min, a rate of about C/10? Then say --unit time=min" in found[0]
+
+
 def test_milliseconds_without_a_unit_are_asked_for() -> None:
     message = r"from 3\.99 V \(row 32\) to 2\.8 V \(row 150\) in 81\.9 days, a rate of about C/1967"
     with pytest.raises(BsaError, match=message) as raised:

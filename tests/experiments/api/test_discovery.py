@@ -2,6 +2,7 @@
 
 import inspect
 import json
+from dataclasses import replace
 
 import bsa
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from bsa.core.errors import BsaError
 from bsa.core.messages import Outage
 from bsa.experiments.cli.discover import discover as command
+from bsa.experiments.discovery_case import read_case
 from bsa.experiments.discovery_journal import opened
 from bsa.experiments.tasks.find import PACKAGED
 from bsa.experiments.tasks.parameter_source import parameter_source
@@ -80,6 +82,18 @@ def test_a_record_becomes_a_file_that_reads_the_same(tmp_path, monkeypatch) -> N
     np.testing.assert_array_equal(written.trajectory.current, record.trajectory.current)
     assert written.ambient_k == record.ambient_k == 298.15
     assert options.holdout[0].path == DEMO
+
+
+def test_the_notes_of_a_record_are_told_of_its_copy_once(tmp_path, monkeypatch) -> None:
+    asked = []
+    monkeypatch.setattr("bsa.experiments.api.discovery._carried_out", lambda options, *others: asked.append(options))
+    read = bsa.read_record(DEMO, current_offset=0.01)
+    record = replace(read, notes=(*read.notes, "it was mended."))
+    bsa.discover(record, parameters="Chen2020", model="SPM", out=tmp_path / "found")
+    notes = read_case(asked[0]).notes
+    assert "1-demo.csv: it was mended." in notes
+    assert any(note.startswith("1-demo.csv: 10 mA are taken off the current") for note in notes)
+    assert len(notes) == len(set(notes))
 
 
 def test_another_frame_leaves_the_records_of_an_earlier_discovery_alone(tmp_path, monkeypatch) -> None:

@@ -46,6 +46,11 @@ def test_spectra_are_left_out_with_what_was_said_of_each_record() -> None:
     assert command([SPECTRUM], [LATER]) == ""
 
 
+def test_initial_states_of_charge_are_those_of_the_fitted_records() -> None:
+    said = command([CURVES, SPECTRUM], [LATER], initial_soc=[0.9, 0.5])
+    assert said == "bsa discover --data 'my cell.csv' --holdout b.csv --initial-soc 0.9"
+
+
 def test_of_joined_files_one_word_stands_for_all() -> None:
     said = command([CURVES, LATER], [SPECTRUM], join=True, temperature=[25.0, 20.0])
     assert said == "bsa discover --data 'my cell.csv' b.csv --join --temperature 25.0"

@@ -1,25 +1,50 @@
 """The report of a discovery."""
 
 from dataclasses import asdict
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 from bsa.core.discovery.closure import Closure
 from bsa.core.discovery.localisation import LAYOUTS
 from bsa.core.discovery.next_experiment import NextExperiment
-from bsa.core.discovery.observations import observe
-from bsa.core.discovery.simulator import MeasuredRecord, Prediction
+from bsa.core.discovery.observations import Observations, observe
+from bsa.core.discovery.simulator import MeasuredRecord
 from bsa.core.trajectory import Step, StepKind, Trajectory
-from bsa.experiments.report.discovery import _figure
+from bsa.experiments.report.discovery import _figure, _held_out
 from bsa.experiments.report.templates import template
 
 
-def test_a_figure_claims_no_error_that_was_not_scored() -> None:
+def observed_record() -> Observations:
     time = np.linspace(0.0, 3600.0, 61)
     record = Trajectory(time, np.ones(61), 4.0 - time / 3600.0, steps=(Step(StepKind.CC_DISCHARGE, 0, 61),))
-    observed = observe(MeasuredRecord("a.csv", record))
-    figure = _figure(0, observed, Prediction(observed.voltage + 0.01), Prediction(observed.voltage + 0.001))
+    return observe(MeasuredRecord("a.csv", record))
+
+
+def test_a_figure_claims_no_error_that_was_not_scored() -> None:
+    observed = observed_record()
+    figure = _figure("record-0", observed, observed.voltage + 0.01, observed.voltage + 0.001)
     assert figure.chart.description == "Measured and simulated voltage."
+
+
+@pytest.mark.parametrize(("effects", "curves"), [((), 1), (("contact-resistance",), 2)])
+def test_a_hold_out_record_is_drawn_before_and_after_the_effect_and_marked(effects: tuple[str], curves: int) -> None:
+    observed = observed_record()
+    best = SimpleNamespace(effects=effects, held_errors=(np.full(len(observed), 1e-3),))
+    nearest = SimpleNamespace(held_errors=(np.full(len(observed), -0.01),))
+    found: Any = SimpleNamespace(findings=SimpleNamespace(best=best, gap=SimpleNamespace(nearest=nearest)))
+    problem: Any = SimpleNamespace(held_observations=[observed])
+    (figure,) = _held_out(found, problem)
+    voltage, residual = figure.chart.panels
+    assert len(voltage.lines) == 1 + curves
+    drawn = {float(point.split(",")[1]) for point in residual.lines[0].points.split()}
+    assert list(drawn) == pytest.approx([float(residual.axis.pixels(10.0))], abs=0.06)
+    shown = page(figures=[figure])
+    assert "<h3>a.csv, held out</h3>" in shown
+    assert "Held out: no more than its initial state of charge was fitted to this record." in shown
+    nearest.held_errors = ()  # a hold-out record cannot be simulated
+    assert _held_out(found, problem) == []
 
 
 _ERRORS = ("final_rmse_mv", "base_rmse_mv", "closed")

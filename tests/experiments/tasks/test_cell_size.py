@@ -65,6 +65,11 @@ def test_a_cell_a_hundred_times_larger_is_asked_for_its_unit() -> None:
     assert said.endswith("Is the current in mA? Then say --unit current=mA.")
 
 
+def test_a_large_charge_is_written_out() -> None:
+    _, said = factor_of(record(4.2, 2.5, 4567.0))
+    assert "The records hold 4,570 A.h" in said
+
+
 def test_a_usual_cell_is_not_asked_for_its_unit_where_the_set_is_of_a_tiny_one() -> None:
     """Marquis2019 holds 0.12 A.h: a pouch cell of 13 A.h is more than a hundred times as large."""
     factor, said = factor_of(record(4.2, 2.5, 13.0), holds_ah=0.123)

@@ -228,6 +228,21 @@ def test_a_task_file_lists_spectra(files, tmp_path) -> None:
     assert task.experiments[1].initial_soc == 0.5
 
 
+@pytest.mark.parametrize(("factor", "meant"), [(1.0, ""), (1e3, "mohm"), (1e-3, "ohm")])
+def test_an_impedance_that_the_cell_cannot_have_is_asked_for_its_unit(files, tmp_path, factor, meant) -> None:
+    table = pandas.read_csv(files["half"])
+    table[["Zreal [ohm]", "Zimag [ohm]"]] *= factor
+    table.to_csv(tmp_path / "z.csv", index=False)
+    for sources, held in (([tmp_path / "z.csv"], []), ([files["discharge"]], [tmp_path / "z.csv"])):
+        notes = task_of_records(Records(sources, held), CellChoice("Chen2020", "SPMe", search=SETTINGS["search"])).notes
+        asked = [note for note in notes if "Is it in" in note]
+        assert len(asked) == bool(meant)
+        assert all(note.endswith(f"Is it in {meant}? Then say --reader-option unit={meant}.") for note in asked)
+    if meant == "mohm":
+        assert " ohm or more: " in asked[0]
+        assert " V at 1C of a cell of 5 A.h, which has 1.7 V between its cut-offs." in asked[0]
+
+
 def test_a_discovery_refuses_spectra_in_a_line(files, tmp_path) -> None:
     arguments = ["discover", "--data", str(files["discharge"]), str(files["half"]), "--parameters", "Chen2020"]
     result = CliRunner().invoke(app(), [*arguments, "--out", str(tmp_path / "d")])

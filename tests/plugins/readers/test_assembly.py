@@ -40,6 +40,7 @@ def test_decimal_commas_of_counters_and_of_the_ambient_temperature_are_read():
         ("Time [s],U [V],ChamberT", "24.5"),
         ("Time,Voltage,ChamberT\n[s],[V],[ChamberT]", "24.5"),
         ("Time,Voltage,Ambient Temperature\n[s],[V],[K]", "297.65"),
+        ("Time [s],U [V],Chamber T [degF]", "76.1"),
     ],
 )
 def test_the_unit_of_the_ambient_temperature_counts(header, value):
@@ -49,11 +50,11 @@ def test_the_unit_of_the_ambient_temperature_counts(header, value):
 def test_an_ambient_temperature_in_an_unknown_unit_is_not_used(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(
-        "t [s],U [V],I [A],Chamber T [degF]\n" + "".join(f"{60 * k},{4 - 0.01 * k},-1,41\n" for k in range(50))
+        "t [s],U [V],I [A],Chamber T [degR]\n" + "".join(f"{60 * k},{4 - 0.01 * k},-1,41\n" for k in range(50))
     )
     record = read_record(path)
     assert record.ambient_k is None
-    assert any('"Chamber T [degF]" has the unit "degF"' in note for note in record.notes)
+    assert any('"Chamber T [degR]" has the unit "degR"' in note for note in record.notes)
     said = read_record(path, ReadOptions(ambient_c=5.0))
     assert said.ambient_k == 278.15
-    assert not any("degF" in note for note in said.notes)
+    assert not any("degR" in note for note in said.notes)

@@ -36,6 +36,15 @@ def test_short_names_go_by_their_units(tmp_path, header, scale):
     np.testing.assert_allclose(found.temperature, 298.15)
 
 
+@pytest.mark.parametrize("name", ["T [degF]", "Temp_F", "Temperature / °F", "Cell Temperature (Fahrenheit)"])
+def test_temperatures_in_fahrenheit_are_read_as_such(tmp_path, name):
+    columns = SECONDS, VOLTS, np.full(100, -2.0), np.full(100, 77.0)
+    path = written(tmp_path / "a.csv", f"t/s,U/V,I/A,{name}", *columns)
+    np.testing.assert_allclose(read_record(path).trajectory.temperature, 298.15)
+    said = read_record(written(path, "t/s,U/V,I/A,Temperature", *columns), ReadOptions(units={"temperature": "degF"}))
+    np.testing.assert_allclose(said.trajectory.temperature, 298.15)
+
+
 @pytest.mark.parametrize(
     ("name", "signal"),
     [
