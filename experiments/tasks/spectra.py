@@ -66,8 +66,8 @@ def _unlikely_unit(spectrum: ImpedanceSpectrum, cell: CellModel) -> list[str]:
     """Whether the unit is to be asked for: no current of 1C would pass the cell, or none would show in its voltage."""
     if not cell.parameter_set:
         return []
-    from ...plugins.pybamm.nameplate import nominal_capacity_ah
-    from ...plugins.pybamm.parameter_sets import load, voltage_window
+    from ...plugins.pybamm.cells.nameplate import nominal_capacity_ah
+    from ...plugins.pybamm.cells.parameter_sets import load, voltage_window
 
     empty_v, full_v = voltage_window(load(cell.parameter_set))
     window_v, capacity_ah = full_v - empty_v, nominal_capacity_ah(cell.parameter_set, cell.overrides)

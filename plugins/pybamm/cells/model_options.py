@@ -4,13 +4,8 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-<<<<<<< HEAD:plugins/pybamm/cells/model_options.py
-from ....core.errors import unknown
+from ....core.errors import BsaError, did_you_mean, unknown
 from ....core.printable import shown
-=======
-from ...core.errors import BsaError, did_you_mean, unknown
-from ...core.printable import shown
->>>>>>> left:plugins/pybamm/model_options.py
 from .parameter_sets import pybamm
 
 
