@@ -11,6 +11,7 @@ from functools import partial
 from ..effect import Effect, Evidence
 from ..parameters import ParameterSpace
 from ..printable import counted
+from .base_fit import calibrate, near_new, temper, without
 from .explanation import Explanation
 from .findings import Findings, Gap, Listener, Nomination, Settings
 from .fitting import LAG, Fitter
@@ -79,12 +80,12 @@ class Engine:
     def shortlist(self) -> Shortlist:
         """Calibrate the base model, and score every effect on what it leaves."""
         fitter = self._fitter
-        base, mesh_v = fitter.calibrate()
+        base, mesh_v = calibrate(fitter)
         if base.adequacy.adequate:
             return Shortlist(base, mesh_v, fitter, base, False, [])
         self._say(f"noise does not explain the {1e3 * base.rmse_v:.2f} mV that are left; scoring effects")
-        near = fitter.near_new()
-        early_fitter, refitted = near or (fitter, fitter.temper(base) if self._overfitted(base) else base)
+        near = near_new(fitter)
+        early_fitter, refitted = near or (fitter, temper(fitter, base) if self._overfitted(base) else base)
         if near is None and refitted.rmse_v < base.rmse_v:
             base = refitted
         early_fitter, refitted = early_fitter.on_low_fidelity(refitted) or (early_fitter, refitted)
@@ -123,7 +124,7 @@ class Engine:
 
         An effect at its null is the base model: one whose fit is farther off is fitted again from there.
         """
-        better = self._fitter.without(base, explanations[0])
+        better = without(self._fitter, base, explanations[0])
         if better is base:
             return base, explanations
         if better.inflated_noise_v < self.problem.misfit_v:

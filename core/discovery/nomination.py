@@ -12,6 +12,7 @@ from ..trajectory import FloatArray
 from .explanation import Explanation
 from .findings import Listener, Nomination
 from .fitting import Fitter
+from .judgement import temperature_misfit_of
 from .score import Score, score_effect, trusted_step
 
 _REACH = 3.0
@@ -151,7 +152,7 @@ def screen(
         start = fitter.nearest(effects, space, ladder)
         found = None if start is None else fitter.fit(effects, space, start, _SHORT + len(space))
         if found is not None:
-            temperature_misfit = fitter.temperature_misfit(effects, found.candidate)
+            temperature_misfit = temperature_misfit_of(fitter.problem, effects, found.candidate)
             if found.cost + temperature_misfit < nomination.promise:
                 nomination.screened, nomination.temperature_misfit = found, temperature_misfit
 

@@ -3,6 +3,7 @@ from dataclasses import replace
 import discovery_toy as toy
 import numpy as np
 import pytest
+from bsa.core.discovery.base_fit import calibrate
 from bsa.core.discovery.engine import Engine
 from bsa.core.discovery.findings import Gap, Nomination, Settings
 from bsa.core.discovery.fitting import Fitter
@@ -82,10 +83,10 @@ def test_a_likelier_explanation_with_a_larger_error_says_why(monkeypatch):
     said = []
     fitter = Fitter(problem, space, Settings(), said.append)
     base = fitted(fitter, (), 2)
-    monkeypatch.setattr("bsa.core.discovery.fitting.bic_difference", lambda *pair: 7.4)
+    monkeypatch.setattr("bsa.core.discovery.judgement.bic_difference", lambda *pair: 7.4)
     fitter.tell(base, replace(base, rmse_v=2 * base.rmse_v))
     fitter.tell(base, replace(base, rmse_v=base.rmse_v))
-    monkeypatch.setattr("bsa.core.discovery.fitting.bic_difference", lambda *pair: -0.3)
+    monkeypatch.setattr("bsa.core.discovery.judgement.bic_difference", lambda *pair: -0.3)
     fitter.tell(base, base)
     fitter.tell(base, base, unless_told=True)
     assert len(said) == 3
@@ -142,12 +143,12 @@ def test_an_effect_that_the_records_cannot_show_is_left_out():
 
 
 def test_a_base_fit_that_stopped_short_is_no_missing_effect(monkeypatch):
-    def stopped_short(self):
-        fit = self.fit((), self.space, np.array([0.2, 4.9, 4.9]), 4)
-        return self.explain((), fit), 0.0
+    def stopped_short(fitter):
+        fit = fitter.fit((), fitter.space, np.array([0.2, 4.9, 4.9]), 4)
+        return fitter.explain((), fit), 0.0
 
-    monkeypatch.setattr(Fitter, "calibrate", stopped_short)
-    monkeypatch.setattr(Fitter, "temper", lambda self, base: base)
+    monkeypatch.setattr("bsa.core.discovery.engine.calibrate", stopped_short)
+    monkeypatch.setattr("bsa.core.discovery.engine.temper", lambda fitter, base: base)
     findings = run({})
     assert findings.verdict == "no-missing-effect"
     assert findings.explanations  # it looked like a discrepancy at first
@@ -209,24 +210,6 @@ def test_where_what_the_scores_favour_helps_little_the_others_are_fitted_whateve
     assert best.estimates["sign"][0].value == pytest.approx(0.02, rel=0.1)
 
 
-def test_a_base_fit_also_starts_from_the_charge_that_the_voltage_tells(monkeypatch):
-    problem, space = toy.problem(np.random.default_rng(0), {}, held=False)
-    problem.misfit_v, as_believed = 1e-3, np.zeros(len(space))
-    fitter = Fitter(problem, space, Settings(), print)
-    starts = []
-
-    def fit(effects, space, start, budget, tolerance):
-        starts.append(start)
-        # The start that comes nearer ends farther off.
-        return replace(Fitter.fit(fitter, effects, space, start, 1), residual=np.full(3, 9.0 if np.any(start) else 1.0))
-
-    monkeypatch.setattr(fitter, "fit", fit)
-    found = fitter._fit_from_somewhere(as_believed)
-    assert len(starts) == 2
-    assert np.any(starts[0])
-    np.testing.assert_array_equal(found.u, as_believed)
-
-
 def test_a_pair_that_had_more_simulations_than_its_member_is_pruned():
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
     engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE)
@@ -257,7 +240,7 @@ def test_a_fit_that_has_not_converged_goes_on_with_the_slopes_of_the_base_model_
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
     problem.simulator = toy.TwoFidelities()
     engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE)
-    engine._fitter.calibrate()
+    calibrate(engine._fitter)
     problem.misfit_v = 0.0
     leader, stopped = fitted(engine._fitter, (toy.QUADRATIC,), 60), fitted(engine._fitter, (toy.HYSTERESIS,), 5)
     assert not stopped.settled
@@ -355,7 +338,7 @@ def test_a_cheaper_model_changes_no_answer_and_does_most_of_the_work(truth):
     assert asked[False] < asked[True]
 
 
-def test_an_effect_is_no_worse_than_the_base_model_that_it_contains():
+def test_an_effect_is_no_worse_than_the_base_model_that_it_contains(monkeypatch):
     problem, space = toy.problem(np.random.default_rng(0), {"outside": 0.004})
     said = []
     engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE, listener=said.append)
@@ -371,7 +354,8 @@ def test_an_effect_is_no_worse_than_the_base_model_that_it_contains():
     assert said[-1].strip().startswith("quadratic: ")
     # Two errors of a base model, the larger of them the later, are told apart.
     assert not any("likelier" in line for line in said)
-    engine._fitter.without = lambda known, best: replace(base, rmse_v=2 * known.rmse_v)
+    farther_off = replace(base, rmse_v=2 * poor.rmse_v)
+    monkeypatch.setattr("bsa.core.discovery.engine.without", lambda fitter, known, best: farther_off)
     engine._fitter.again = lambda explanation, budget: explanation
     engine._with_better_base(poor, [stopped])
     assert any("mV (likelier, though farther off than the first fit" in line for line in said)

@@ -1,0 +1,163 @@
+"""The fit of the base model: from coarse to fine, from several places, and once more with its misfit as noise."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from ..errors import BsaError
+from ..target import InitialSoc
+from ..trajectory import FloatArray
+from .explanation import Explanation
+from .first_cycles import first_cycle, near_cycles
+from .fitting import NEAR_V, Fitter
+from .judgement import errors_in_words
+from .refit import Refit, slopes_at
+from .rules import bic_difference
+
+_COARSE_V = 0.03
+"""Misfit with which the base fit begins, V."""
+
+_CELL_SHIFTS, _SOC_SHIFTS = (0.0, 0.5, 1.0, 1.5), (0.0, 3.0, -4.0)
+"""Where a base fit may start, in standard deviations of the priors from the given start: all parameters of the cell
+towards more charge and faster transport, and the initial states of charge."""
+
+_STARTS = 6
+"""Places from which the fit of a first cycle may start: it takes seconds, and all later fits start from it."""
+
+
+def calibrate(fitter: Fitter, starts: int = 2) -> tuple[Explanation, float]:
+    """Fit the base model until converged, correct for the mesh, and fit again.
+
+    It starts from ``starts`` places at most: a second one where noise is left, more while the fit is not even
+    near. Returns the size of the mesh correction too, V.
+    """
+    problem, budget = fitter.problem, fitter.settings.base_budget
+    new = first_cycle(problem)
+    if new is not None:
+        fitter.say("first cycle alone:")
+        early_fitter = Fitter(new, fitter.space, fitter.settings, fitter.say)
+        first, _ = calibrate(early_fitter, _STARTS)
+        fitter.as_new = (first if first.adequacy.adequate else temper(early_fitter, first)).fit.u
+    fitter.say("fitting the base model")
+    start = np.zeros(len(fitter.space)) if fitter.as_new is None else fitter.as_new
+    low = problem.shifted_low_fidelity((), fitter.space.at(start))
+    if low is not None:
+        fitter.low = Fitter(low, fitter.space, fitter.settings, fitter.say)
+    fit = _coarse_fit(fitter, start)
+    mesh_v = problem.correct_mesh((), fit.candidate)
+    fitter.say(f"mesh and tolerances: {1e3 * mesh_v:.2f} mV, corrected")
+    fit = fitter.onwards((), fit, budget)
+    base = fitter.explain((), fit)
+    rng = np.random.default_rng(fitter.settings.seed)
+    for number in range(1, starts if fitter.as_new is None else 1):
+        if base.adequacy.adequate or (number > 1 and base.misfit_v < NEAR_V):
+            break
+        # A poor fit may be a poor start: try another before calling it missing physics.
+        start = np.array([rng.normal() if p.prior else u for p, u in zip(fitter.space, fit.u, strict=True)])
+        there = fitter.on_low_fidelity(base)
+        other = (there[0] if there else fitter).fit((), fitter.space, start, budget // 2)
+        if other is not None and other.cost < 0.98 * fit.cost:
+            again = fitter.fit((), fitter.space, other.u, budget) if there else fitter.onwards((), other, budget)
+            if again is not None and again.cost < fit.cost:
+                fit = again
+                base = fitter.explain((), fit)
+    if not base.adequacy.adequate:
+        base = fitter.exact(base)
+    fitter.say(f"base model: {errors_in_words(base)}")
+    return base, mesh_v
+
+
+def _coarse_fit(fitter: Fitter, start: FloatArray) -> Refit:
+    """The base model before it is weighed against the noise alone; on the cheaper model first, if there is one.
+
+    From coarse to fine: each fit counts as noise what the one before it could not explain, and noise alone is
+    reached only by a model that comes near it. Started at the finest, a fit loses itself on the steep parts.
+    """
+    fitter.problem.misfit_v = _COARSE_V
+    fit: Refit | None = None
+    if fitter.low is not None:
+        near = _coarse_fit(fitter.low, start)
+        fit = fitter.fit((), fitter.space, near.u, fitter.settings.base_budget // 2, 2e-2)
+    fit = fit or _fit_from_somewhere(fitter, start)
+    for _ in range(3):
+        left = fitter.explain((), fit).misfit_v
+        left = left if left > NEAR_V else 0.0
+        if left > 0.7 * fitter.problem.misfit_v:
+            break
+        fitter.problem.misfit_v = left
+        fit = fitter.onwards((), fit, fitter.settings.base_budget // 2, 1e-2)
+        if left == 0.0:
+            break
+    return fit
+
+
+def _fit_from_somewhere(fitter: Fitter, start: FloatArray) -> Refit:
+    # A cell that is too small, or too slow for its current, is empty before its record ends, and a fit that
+    # starts there does not converge: it starts from the best of some larger, faster and less full cells.
+    states = np.array([isinstance(p.target, InitialSoc) for p in fitter.space])
+    larger = [start + cell * fitter.of_cell + soc * states for cell in _CELL_SHIFTS for soc in _SOC_SHIFTS]
+    best = fitter.nearest((), fitter.space, [larger])
+    # The charge that a rested voltage tells is well known: what comes nearer elsewhere may end farther off.
+    places = [] if best is None else [best] if np.array_equal(best, start) else [best, start]
+    fit = partial(fitter.fit, (), fitter.space, budget=fitter.settings.base_budget, tolerance=2e-2)
+    found = fitter.problem.side_by_side([partial(fit, place) for place in places])
+    fits = [one for one in found if one is not None]
+    if not fits:
+        raise BsaError(
+            "the base model cannot follow the record's current from any initial state of charge.",
+            "check the sign of the current and the capacity of the parameter set.",
+        )
+    return min(fits, key=lambda fit: fit.cost)
+
+
+def without(fitter: Fitter, base: Explanation, best: Explanation) -> Explanation:
+    """The base model, fitted once more from where an explanation ended with its effect taken away.
+
+    An explanation that is better for its better start only, its effect next to nothing, is no explanation.
+    """
+    fitter.problem.misfit_v = best.inflated_noise_v if best.misfit_v > NEAR_V else 0.0
+    budget = fitter.settings.base_budget // 2
+    fit = fitter.fit((), fitter.space, best.fit.u[: len(fitter.space)], budget)
+    if fit is None:
+        return base
+    again = fitter.explain((), fit if fit.converged else fitter.onwards((), fit, budget))
+    if not again.adequacy.adequate:
+        again = fitter.exact(again)
+    return again if again.adequacy.adequate or bic_difference(base, again) > 0 else base
+
+
+def temper(fitter: Fitter, base: Explanation) -> Explanation:
+    """Fit the base model again with its misfit taken for noise.
+
+    Weighed against noise, a model that lacks something bends its parameters to any length, and hides what it
+    lacks; weighed against its own misfit it keeps them near their priors.
+    """
+    fitter.problem.misfit_v = base.inflated_noise_v
+    refitted = fitter.again(base, fitter.settings.refit_budget // 2)
+    if not refitted.fit.fresh and fitter.low is None:
+        # Scores and short fits stand on this Jacobian: after many updates it is no derivative any more.
+        fit = refitted.fit
+        refitted.fit = replace(fit, jacobian=slopes_at(fitter.residuals(base.effects), fit))
+    return refitted
+
+
+def near_new(fitter: Fitter) -> tuple[Fitter, Explanation] | None:
+    """Records of many cycles up to where the cell as it was new has drifted far, and the base model there.
+
+    What costs a fifth of the lithium is beyond what a score test, which is linear, can see, and a base model that
+    is fitted to it is lost. None where no record drifts far.
+    """
+    if fitter.as_new is None:
+        return None
+    predictions = fitter.problem.predict((), fitter.space.at(fitter.as_new))
+    cut = None if predictions is None else near_cycles(fitter.problem, fitter.problem.errors(predictions))
+    if cut is None:
+        return None
+    near = Fitter(cut, fitter.space, fitter.settings, fitter.say)
+    here = near.at((), fitter.space, fitter.as_new)
+    if here is None:
+        return None
+    near.problem.misfit_v = here.inflated_noise_v
+    fit = near.fit((), fitter.space, fitter.as_new, 1 + len(fitter.space))
+    return None if fit is None else (near, near.explain((), fit))

@@ -1,0 +1,102 @@
+"""What a fit leaves: adequacy, errors on fitted and on held-out data, estimates with intervals."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..effect import Effect
+from ..trajectory import FloatArray
+from .adequacy import judge
+from .explanation import Explanation, estimates_of, temperature_misfit
+from .observations import freedom_of_deviations, subset
+from .problem import Problem
+from .refit import Refit
+from .rules import bic_difference
+from .simulator import Prediction
+
+
+def explain(problem: Problem, effects: tuple[Effect, ...], fit: Refit) -> Explanation:
+    """A fit with its judgement: adequacy, errors on fitted and held-out data, estimates with intervals."""
+    predictions = problem.predict(effects, fit.candidate)
+    assert predictions is not None, "a fit ends where it could be simulated"
+    masks = list(zip(problem.observations, problem.errors(predictions), problem.fitted, strict=True))
+    parts = [error[mask] for _, error, mask in masks]
+    sigmas = [problem.sigma(observed)[mask] for observed, _, mask in masks]
+    adequacy = judge(
+        [part / sigma for part, sigma in zip(parts, sigmas, strict=True)],
+        [observed.step[mask] for observed, _, mask in masks],
+        fit.taken,
+        freedom_of_deviations([subset(observed, mask) for observed, _, mask in masks], sigmas),
+    )
+    counts = np.concatenate([observed.count[mask] for observed, _, mask in masks])
+    volts, sigma = np.concatenate(parts), np.concatenate(sigmas)
+    rmse = _sample_rmse(volts, counts, problem.noise_v)
+    held_rmse, held_errors = _held(problem, effects, fit)
+    kelvin = _temperature_error(problem, predictions)
+    explanation = Explanation(effects, fit, adequacy, rmse, held_rmse, volts, sigma, kelvin, held_errors=held_errors)
+    systematic = problem.systematic() / problem.deviation()[:, None]
+    explanation.estimates = estimates_of(effects, fit, explanation.dispersion(problem.misfit_v), systematic)
+    if kelvin is not None:
+        doubted = [effect for effect in effects if explanation.estimates[effect.key][0].holds_null]
+        explanation.temperature_without_k = _temperatures_without(problem, doubted, effects, fit.candidate)
+    return explanation
+
+
+def temperature_misfit_of(problem: Problem, effects: Sequence[Effect], candidate: dict[str, float]) -> float:
+    """What a measured temperature says against a candidate; 0 where none was measured."""
+    if all(observed.temperature is None for observed in problem.observations):
+        return 0.0
+    predictions = problem.predict(effects, candidate)
+    return 0.0 if predictions is None else temperature_misfit(_temperature_error(problem, predictions))
+
+
+def _temperatures_without(
+    problem: Problem, doubted: Sequence[Effect], effects: Sequence[Effect], candidate: dict[str, float]
+) -> dict[str, float]:
+    found = {}
+    for effect in doubted:
+        off = {effect.full_name(effect.strength): effect.strength.null}
+        predictions = problem.predict(effects, candidate | off)
+        kelvin = None if predictions is None else _temperature_error(problem, predictions)
+        if kelvin is not None:
+            found[effect.key] = kelvin
+    return found
+
+
+def _held(problem: Problem, effects: tuple[Effect, ...], fit: Refit) -> tuple[float, tuple[FloatArray, ...]]:
+    """Error on all data that was not fitted, over single samples, and the errors of each hold-out record, V."""
+    held = problem.held_out(effects, fit.candidate)
+    if held is None:
+        return float("inf"), ()
+    errors = [error for _, error in held]
+    counts = np.concatenate([observed.count for observed, _ in held])
+    of_records = tuple(errors[len(errors) - len(problem.held_observations) :])
+    return _sample_rmse(np.concatenate(errors), counts, problem.held_noise_v), of_records
+
+
+def errors_in_words(explanation: Explanation) -> str:
+    """Errors on the fitted and on the held-out data, and whether the fit has converged."""
+    rms, held = 1e3 * explanation.rmse_v, 1e3 * explanation.held_rmse_v
+    return f"{rms:.2f} mV, held out {held:.2f} mV" + " (not converged)" * (not explanation.settled)
+
+
+def against(base: Explanation, explanation: Explanation) -> str:
+    """How likely an explanation is beside the base model: the difference in BIC, and why the error may differ."""
+    margin = round(bic_difference(base, explanation))
+    if margin == 0:
+        return "BIC as that of the base model"
+    farther = margin > 0 and round(1e3 * explanation.rmse_v, 2) > round(1e3 * base.rmse_v, 2)
+    why = ", though the error is larger than the base model's: a few large errors count little in BIC" * farther
+    return f"BIC {'better' if margin > 0 else 'worse'} by {abs(margin)}{why}"
+
+
+def _temperature_error(problem: Problem, predictions: Sequence[Prediction]) -> float | None:
+    """Error of the temperature over all fitted records that have one, K."""
+    errors = list(problem.temperature_errors(predictions).values())
+    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2))) if errors else None
+
+
+def _sample_rmse(errors: FloatArray, counts: FloatArray, noise: float) -> float:
+    """Error over single samples, from errors of averages: averaging n samples hid noise^2 (1 - 1/n)."""
+    squares = errors**2 + noise**2 * (1 - 1 / counts)
+    return float(np.sqrt(np.sum(counts * squares) / np.sum(counts)))
