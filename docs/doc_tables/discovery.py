@@ -52,11 +52,12 @@ def time_taken(results: Results) -> str:
     columns = {
         "base model": "{model}",
         "version": "{version}",
+        "machine code": "{compiled}",
         "processor s": "{processor_s:.0f}",
         "single-record solves": "{solves:.0f}",
         "contact resistance / mohm": "{strength_mohm:.1f}",
     }
-    return results.framed("discovery_time", table_of(results.rows("discovery_time"), columns, 2))
+    return results.framed("discovery_time", table_of(results.rows("discovery_time"), columns, 3))
 
 
 def shortlists(results: Results) -> str:
