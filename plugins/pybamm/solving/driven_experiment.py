@@ -8,7 +8,7 @@ import numpy as np
 
 from ....core.discovery.observations import after_jumps
 from ....core.parameters import Candidate
-from ....core.printable import counted
+from ....core.printable import counted, rounded
 from ....core.simulation import ExperimentRun, SimulationFailure
 from ....core.target import CellChange, Target
 from ....core.task import CellModel, Experiment
@@ -115,4 +115,5 @@ def _charge_lacking(pause: Pause, record: Trajectory) -> str:
     if largest < _CLEARLY_MORE * until:
         return ""
     times = f", {largest / until:.2g} times as much" if until > 0 else ""
-    return f", after {until:.3g} A.h; the record {'draws' if pause.empty else 'charges'} {largest:.3g} A.h{times}"
+    flow = "draws" if pause.empty else "charges"
+    return f", after {rounded(until, 3)} A.h; the record {flow} {rounded(largest, 3)} A.h{times}"
