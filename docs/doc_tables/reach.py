@@ -58,8 +58,9 @@ def _published(results: Results) -> str:
 def _blind(results: Results) -> str:
     cases = graded(results, BLIND)
     grades = Counter(case.grade for case in cases)
+    seeds = len({case.task.split()[0] for case in cases})
     return (
-        f"* On {len(cases)} cases of two fresh seeds, which draw the hidden effect, its strength, the cell and the "
+        f"* On {len(cases)} cases of {seeds} fresh seeds, which draw the hidden effect, its strength, the cell and the "
         f"tests, each run once: the verdict is right in {grades['right']}, several names with the hidden one among "
         f"them are given in {grades['ambiguous']}, one of two effects is named in {grades['partial']}, none in "
         f"{grades['declined']}, and a **wrong one in {grades['wrong']}** "
