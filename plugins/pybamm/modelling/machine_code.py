@@ -8,6 +8,7 @@ keeps it in a folder of the system that other users can write to.
 """
 
 import contextlib
+import math
 import os
 import shutil
 import subprocess
@@ -24,6 +25,13 @@ and gain a tenth at most."""
 
 _SECONDS_A_CHARACTER = 3e-6
 """What compiling takes: 0.6 s for the 240,000 characters of SPMe, 4.2 s for the 1.3 million of DFN."""
+
+_MOST_CHARACTERS = 2_000_000
+"""What is longer stays interpreted: compilers take more than proportionally long for long functions, and a life with
+side reactions over its cycles was not compiled within two minutes."""
+
+_PATIENCE = 4
+"""Compiling is given up when it has taken so many times as long."""
 
 _SAVED = 0.25
 """Share of an interpreted simulation that machine code saves: 0.4 with SPMe, 0.17 with DFN. Like the price it decides
@@ -106,7 +114,7 @@ class MachineCode:
         return Path(self._folder.name) / "functions.so"
 
     def _generated(self) -> str:
-        """The functions in C; empty where there is no compiler, or CasADi has no C for them."""
+        """The functions in C; empty where there is no compiler, no C for them, or too much of it."""
         if compiler() is None:
             self._over = True
             return ""
@@ -114,10 +122,13 @@ class MachineCode:
         try:
             for text in self._functions:
                 generator.add(casadi.Function.deserialize(text))
-            return str(generator.dump())
+            source = str(generator.dump())
         except RuntimeError:
+            source = ""
+        if not 0 < len(source) <= _MOST_CHARACTERS:
             self._over = True
             return ""
+        return source
 
     def _begin(self, source: str) -> None:
         program = compiler()
@@ -126,8 +137,10 @@ class MachineCode:
             return
         try:
             self._folder = tempfile.TemporaryDirectory(prefix="bsa-", ignore_cleanup_errors=True)
+            most_s = math.ceil(_PATIENCE * _SECONDS_A_CHARACTER * len(source))
+            limited = ["sh", "-c", f'ulimit -t {most_s} && exec "$@"', "sh"]
             self._process = subprocess.Popen(
-                [program, *_FLAGS, "-x", "c", "-", "-o", str(self._library)],
+                [*limited, program, *_FLAGS, "-x", "c", "-", "-o", str(self._library)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,

@@ -35,7 +35,7 @@ def waited_for(code: MachineCode) -> list[str] | None:
 
 
 def begun(monkeypatch: pytest.MonkeyPatch) -> MachineCode:
-    monkeypatch.setattr(machine_code, "_SECONDS_A_CHARACTER", 0.0)
+    monkeypatch.setattr(machine_code, "_SAVED", 1e9)
     code = MachineCode(functions())
     code.spent(1e-3)
     return code
@@ -58,7 +58,7 @@ def voltage(cell: DrivenCell) -> FloatArray:
 @needs_compiler
 def test_a_model_gives_the_same_voltage_to_the_last_bit(cell: DrivenCell, monkeypatch: pytest.MonkeyPatch) -> None:
     interpreted = voltage(cell)
-    monkeypatch.setattr(machine_code, "_SECONDS_A_CHARACTER", 0.0)
+    monkeypatch.setattr(machine_code, "_SAVED", 1e9)
     voltage(cell)  # compiling begins
     code = cell._solver._code
     assert code._process.wait(30) == 0
@@ -125,6 +125,24 @@ def test_without_a_compiler_nothing_is_begun(program: str, monkeypatch: pytest.M
     code.spent(1e3)
     assert code._process is None
     assert code.made() is None
+
+
+def test_long_functions_stay_interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("BSA_COMPILER", "true")
+    monkeypatch.setattr(machine_code, "_MOST_CHARACTERS", 100)
+    code = begun(monkeypatch)
+    code.spent(1e3)
+    assert code._process is None
+
+
+def test_compiling_without_an_end_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    endless = tmp_path / "endless"
+    endless.write_text("#!/bin/sh\nwhile :; do :; done\n")
+    endless.chmod(0o755)
+    monkeypatch.setenv("BSA_COMPILER", str(endless))
+    code = begun(monkeypatch)
+    assert waited_for(code) is None
+    assert code._process.returncode != 0
 
 
 def test_on_other_systems_a_compiler_has_to_be_named(monkeypatch: pytest.MonkeyPatch) -> None:
