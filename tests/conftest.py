@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import os
 import signal
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
@@ -25,6 +26,9 @@ RunToy = Callable[..., RunResult]
 Install = Callable[..., Path]
 
 _module_numbers = itertools.count()
+
+# Compiling in the background would take a core from the tests beside it; `test_machine_code.py` has its own.
+os.environ.setdefault("BSA_COMPILER", "")
 
 # How long an example takes says how busy the machine is.
 settings.register_profile("any machine", deadline=None)

@@ -1,5 +1,6 @@
 """A model that is solved often is solved by machine code, and gives the same numbers."""
 
+import shutil
 import time
 from pathlib import Path
 
@@ -12,9 +13,16 @@ from bsa.plugins.pybamm.modelling import machine_code
 from bsa.plugins.pybamm.modelling.machine_code import MachineCode, compiler
 from bsa.plugins.pybamm.solving.driven_cell import DrivenCell
 
-needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler on this machine")
+COMPILER = next((name for name in machine_code._COMPILERS if shutil.which(name)), None)
+
+needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler on this machine")
 
 CLOCK = np.arange(0.0, 1200.0, 20.0)
+
+
+@pytest.fixture(autouse=True)
+def _with_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("BSA_COMPILER", COMPILER or "")
 
 
 def functions() -> list[str]:
