@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ..core.errors import BsaError
+from ..core.resident_memory import resident_mb
 from .gpu_memory import GpuMemory, refuse_larger, too_large
 from .model_files import bytes_in_sixteen_bits, model_folder, weight_bytes
 
@@ -74,7 +75,7 @@ class LoadedModel:
     def answered(self) -> None:
         """To be called after each reply; the first one tells how much memory of the process the model takes."""
         if self.taken_mb is None:
-            self.taken_mb = max(_resident_mb() - self.before_mb, 0.0)
+            self.taken_mb = max(resident_mb() - self.before_mb, 0.0)
 
     def unload(self) -> None:
         """Let the weights go; it cannot be used afterwards."""
@@ -127,7 +128,7 @@ def _load(name: str, quantisation: Quantisation) -> LoadedModel:
     import torch
     import transformers
 
-    before_mb = _resident_mb()
+    before_mb = resident_mb()
     transformers.logging.set_verbosity_error()
     transformers.logging.disable_progress_bar()
     logging.getLogger("accelerate").setLevel(logging.ERROR)
@@ -218,9 +219,3 @@ def _free_memory_bytes() -> float:
     import psutil
 
     return float(psutil.virtual_memory().available)
-
-
-def _resident_mb() -> float:
-    import psutil
-
-    return float(psutil.Process().memory_info().rss) / 1e6

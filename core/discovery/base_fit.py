@@ -8,9 +8,9 @@ import numpy as np
 from ..errors import BsaError
 from ..target import InitialSoc
 from ..trajectory import FloatArray
-from .explanation import Explanation
+from .explanation import NEAR_V, Explanation
 from .first_cycles import first_cycle, near_cycles
-from .fitting import NEAR_V, Fitter
+from .fitting import Fitter
 from .judgement import errors_in_words
 from .refit import Refit, slopes_at
 from .rules import bic_difference
@@ -72,7 +72,7 @@ def _coarse_fit(fitter: Fitter, start: FloatArray) -> Refit:
     """The base model before it is weighed against the noise alone; on the cheaper model first, if there is one.
 
     From coarse to fine: each fit counts as noise what the one before it could not explain, and noise alone is
-    reached only by a model that comes near it. Started at the finest, a fit loses itself on the steep parts.
+    reached only by a model that comes near it. A fit that begins with the noise alone may end where curves are steep.
     """
     fitter.problem.misfit_v = _COARSE_V
     fit: Refit | None = None
@@ -116,12 +116,12 @@ def without(fitter: Fitter, base: Explanation, best: Explanation) -> Explanation
 
     An explanation that is better for its better start only, its effect next to nothing, is no explanation.
     """
-    fitter.problem.misfit_v = best.inflated_noise_v if best.misfit_v > NEAR_V else 0.0
+    fitter.problem.misfit_v = best.counts_as_noise_v
     budget = fitter.settings.base_budget // 2
     fit = fitter.fit((), fitter.space, best.fit.u[: len(fitter.space)], budget)
     if fit is None:
         return base
-    again = fitter.explain((), fit if fit.converged else fitter.onwards((), fit, budget))
+    again = fitter.finished((), fit, budget)
     if not again.adequacy.adequate:
         again = fitter.exact(again)
     return again if again.adequacy.adequate or bic_difference(base, again) > 0 else base
@@ -130,8 +130,8 @@ def without(fitter: Fitter, base: Explanation, best: Explanation) -> Explanation
 def temper(fitter: Fitter, base: Explanation) -> Explanation:
     """Fit the base model again with its misfit taken for noise.
 
-    Weighed against noise, a model that lacks something bends its parameters to any length, and hides what it
-    lacks; weighed against its own misfit it keeps them near their priors.
+    Weighed against the noise, the fit of a model that lacks an effect moves parameters far from their priors, which
+    hides the effect; weighed against its own misfit, it keeps them near their priors.
     """
     fitter.problem.misfit_v = base.inflated_noise_v
     refitted = fitter.again(base, fitter.settings.refit_budget // 2)
@@ -145,8 +145,8 @@ def temper(fitter: Fitter, base: Explanation) -> Explanation:
 def near_new(fitter: Fitter) -> tuple[Fitter, Explanation] | None:
     """Records of many cycles up to where the cell as it was new has drifted far, and the base model there.
 
-    What costs a fifth of the lithium is beyond what a score test, which is linear, can see, and a base model that
-    is fitted to it is lost. None where no record drifts far.
+    An effect that consumes a fifth of the lithium is too strong for a score test, which is linear, and parameters of a
+    base model that is fitted to such records say nothing. None where no record drifts far.
     """
     if fitter.as_new is None:
         return None

@@ -22,6 +22,9 @@ CLEAR_K = 1.0
 _WITHIN_INTERVAL = 4.0
 """What a step of two standard deviations costs: the half-width of a 95 % interval, squared."""
 
+NEAR_V = 2e-3
+"""A typical error below which a fit is near enough to be weighed against the noise, V."""
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -72,9 +75,8 @@ class Explanation:
     # By effect key, the same error with that effect's strength at its null, where its interval holds that.
     temperature_without_k: dict[str, float] = field(default_factory=dict)
     estimates: dict[str, tuple[Estimate, ...]] = field(default_factory=dict)  # By effect key, its parameters.
-    held_errors: tuple[
-        FloatArray, ...
-    ] = ()  # Of each hold-out record, measured minus predicted, V; none if one failed.
+    # Of each hold-out record, measured minus predicted, V; none if one failed.
+    held_errors: tuple[FloatArray, ...] = ()
     taken_off: int = 0  # Degrees of freedom that the errors had lost before the fit, as to means taken off them.
 
     def chi2(self, misfit_v: float = 0.0) -> float:
@@ -112,6 +114,11 @@ class Explanation:
         as much against the priors as a single one.
         """
         return self.misfit_v * float(np.sqrt(self.adequacy.variance_inflation))
+
+    @property
+    def counts_as_noise_v(self) -> float:
+        """The misfit that a fit from here counts as noise, V: none where a model is near, for it may prove adequate."""
+        return self.inflated_noise_v if self.misfit_v > NEAR_V else 0.0
 
     @property
     def cost(self) -> float:

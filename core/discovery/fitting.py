@@ -13,7 +13,7 @@ from ..effect import Effect
 from ..parameters import ParameterSpace
 from ..target import CurrentOffset, InitialSoc
 from ..trajectory import FloatArray
-from .explanation import Explanation
+from .explanation import NEAR_V, Explanation
 from .findings import Listener, Settings
 from .first_cycles import longer
 from .judgement import against, errors_in_words, explain
@@ -23,9 +23,6 @@ from .rules import RULES
 
 Fitted = tuple[tuple[Effect, ...], Refit]
 """Effects, and a fit with them."""
-
-NEAR_V = 2e-3
-"""A typical error below which a fit is near enough to be weighed against the noise, V."""
 
 LAG = 2 * RULES.clear_bic
 """Cost by which an explanation may lag behind the best one before it is dropped: twice a BIC that is clear."""
@@ -117,6 +114,10 @@ class Fitter:
                 break
         return best
 
+    def finished(self, effects: tuple[Effect, ...], fit: Refit, budget: int) -> Explanation:
+        """A fit, gone on with if it has not converged, as an explanation."""
+        return self.explain(effects, fit if fit.converged else self.onwards(effects, fit, budget))
+
     def again(self, explanation: Explanation, budget: int, exact: bool = False) -> Explanation:
         """The same explanation, fitted on from where it is with the present misfit."""
         fit = self.onwards(explanation.effects, explanation.fit, budget, exact=exact)
@@ -160,7 +161,7 @@ class Fitter:
         fit = None if best is None else self.fit(effects, space, best, budget // 3)
         if fit is None or fit.cost > leader.fit.cost + LAG:
             return None
-        return self.explain(effects, fit if fit.converged else self.onwards(effects, fit, budget))
+        return self.finished(effects, fit, budget)
 
     def taken_over(self, near: Problem, fits: Sequence[Fitted]) -> list[Explanation]:
         """Fits of this problem, of its first cycles, or of a cheaper model, as explanations of this problem.
@@ -203,8 +204,7 @@ class Fitter:
         for level in range(_LEVELS):
             running.sort(key=lambda e: e.cost)
             best, before = running[0], self.problem.misfit_v
-            # One that is near is weighed against the noise, as the base model was: only there can it prove adequate.
-            left = best.inflated_noise_v if best.misfit_v > NEAR_V else 0.0
+            left = best.counts_as_noise_v
             last = left > 0.6 * before or left == 0.0 or level == _LEVELS - 1
             self.problem.misfit_v = min(left, before)
             fitted: list[Explanation] = []

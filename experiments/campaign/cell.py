@@ -12,6 +12,7 @@ from filelock import FileLock, Timeout
 from ...core.errors import BsaError
 from ...core.files import file_error, write_json
 from ...core.messages import Outage
+from ...core.resident_memory import resident_mb
 from ...core.run.journal import LOCK
 from .store import FAILURE, FINAL, OUTAGE, Store
 
@@ -127,10 +128,4 @@ def memory_mb() -> float:
     """
     from ...backends.loaded_model import taken_mb
 
-    try:
-        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    except (OSError, ValueError, IndexError):
-        return 0.0
-    import resource
-
-    return max(pages * resource.getpagesize() / 1e6 - taken_mb(), 0.0)
+    return max(resident_mb() - taken_mb(), 0.0)

@@ -47,7 +47,7 @@ def test_a_folder_is_found_from_the_home_folder(tiny_model, monkeypatch):
 
 def test_memory_that_the_first_reply_took_is_the_models(tiny_model, monkeypatch):
     resident = iter([100.0, 350.0])
-    monkeypatch.setattr(loaded_model, "_resident_mb", lambda: next(resident))
+    monkeypatch.setattr(loaded_model, "resident_mb", lambda: next(resident))
     model = load(str(tiny_model), "auto")
     assert taken_mb() == 0.0
     for _ in range(2):

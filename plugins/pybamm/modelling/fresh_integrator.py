@@ -48,10 +48,9 @@ class FreshIntegrator(pybamm.IDAKLUSolver):  # type: ignore[misc]
             _COMPILED.create_casadi_solver_group, _COMPILED.generate_function = make, convert
 
     def _integrate(self, *arguments: Any, **how: Any) -> Any:
-        made = self._code.made()
+        made = self._code.made(_COMPILED.generate_function)
         if made is not None:
-            self._exchange([_COMPILED.generate_function(text) for text in made])
-            self._code.drop()
+            self._exchange(made)
         self._setup["solver"] = _COMPILED.create_casadi_solver_group(**self._parts)
         start = time.perf_counter()
         try:

@@ -14,8 +14,9 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import casadi
 
@@ -23,12 +24,13 @@ _FLAGS = ("-shared", "-fPIC", "-O1", "-ffp-contract=off", "-fno-builtin")
 """The last two keep every operation as CasADi carries it out. `-O2` and `-O3` take two to four times as long to compile
 and gain a tenth at most."""
 
-_SECONDS_A_CHARACTER = 3e-6
-"""What compiling takes: 0.6 s for the 240,000 characters of SPMe, 4.2 s for the 1.3 million of DFN."""
+_SECONDS_A_CHARACTER = 1.5e-6
+"""What compiling takes, by the length of the functions as CasADi serialises them: 0.6 s for the 420,000 characters of
+SPMe, 3 to 4 s for the 2.3 million of DFN."""
 
-_MOST_CHARACTERS = 2_000_000
-"""What is longer stays interpreted: compilers take more than proportionally long for long functions, and a life with
-side reactions over its cycles was not compiled within two minutes."""
+_MOST_CHARACTERS = 4_000_000
+"""What is longer stays interpreted: 4.5 million (DFN with a particle-size distribution) took 22 s, three times as long
+as in proportion."""
 
 _PATIENCE = 4
 """Compiling is given up when it has taken so many times as long."""
@@ -39,6 +41,8 @@ when compiling begins, and nothing else. With 1 in its place a task of 50 simula
 step, and took half as long again."""
 
 _COMPILERS = ("gcc", "cc", "clang")
+
+T = TypeVar("T")
 
 
 def compiler() -> str | None:
@@ -69,85 +73,66 @@ class MachineCode:
 
     def __init__(self, functions: Sequence[str]) -> None:
         self._functions = tuple(functions)
+        length = sum(map(len, self._functions))
+        self._price_s = _SECONDS_A_CHARACTER * length
         self._spent_s = 0.0
-        self._source: str | None = None
-        self._process: subprocess.Popen[bytes] | None = None
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
-        self._over = False  # Made, or given up.
+        # None from the beginning of compiling on.
+        self._compiler = compiler() if length <= _MOST_CHARACTERS else None
+        self._process: subprocess.Popen[bytes] | None = None  # While compiling.
+        self._folder: tempfile.TemporaryDirectory[str] | None = None  # While compiling.
 
     def spent(self, seconds: float) -> None:
         """Note what a simulation took, s; compiling may begin."""
-        if self._over or self._process is not None:
+        if self._compiler is None:
             return
         self._spent_s += seconds
-        if self._source is None:
-            self._source = self._generated()
-        if self._source and _SAVED * self._spent_s > _SECONDS_A_CHARACTER * len(self._source):
-            self._begin(self._source)
-            self._source = ""
+        if _SAVED * self._spent_s > self._price_s:
+            program, self._compiler = self._compiler, None
+            # Without C for a function, or room on the disk, all stays interpreted.
+            with contextlib.suppress(RuntimeError, OSError):
+                self._begin(program)
 
-    def made(self) -> list[str] | None:
-        """The functions as machine code, serialised, in their order; None unless they have just been made."""
-        if self._over or self._process is None or self._process.poll() is None:
+    def made(self, load: Callable[[str], T]) -> list[T] | None:
+        """The functions as machine code, in their order, as ``load`` makes them of what CasADi serialises.
+
+        None unless they have just been made.
+        """
+        if self._process is None or self._process.poll() is None:
             return None
-        self._over = True
-        assert self._folder is not None
-        try:
-            if self._process.returncode == 0:
-                library = str(self._library)
-                names = (casadi.Function.deserialize(text).name() for text in self._functions)
-                return [str(casadi.external(name, library).serialize()) for name in names]
-        except RuntimeError:  # The folder may be one from which no code may be run.
-            pass
-        self.drop()
-        return None
+        process, folder, self._process, self._folder = self._process, self._folder, None, None
+        assert folder is not None
+        # Once loaded, the library's file is not needed.
+        with folder as name:
+            if process.returncode != 0:
+                return None
+            try:
+                return [load(str(one.serialize())) for one in self._in_library(_library(name))]
+            except RuntimeError:  # The folder may be one from which no code may be run.
+                return None
 
-    def drop(self) -> None:
-        """Remove the library's file: once loaded, it is not needed."""
-        if self._folder is not None:
-            self._folder.cleanup()
-            self._folder = None
+    def _in_library(self, library: str) -> Iterator[casadi.Function]:
+        return (casadi.external(function.name(), library) for function in self._deserialised())
 
-    @property
-    def _library(self) -> Path:
-        assert self._folder is not None
-        return Path(self._folder.name) / "functions.so"
+    def _deserialised(self) -> Iterator[casadi.Function]:
+        return map(casadi.Function.deserialize, self._functions)
 
-    def _generated(self) -> str:
-        """The functions in C; empty where there is no compiler, no C for them, or too much of it."""
-        if compiler() is None:
-            self._over = True
-            return ""
+    def _begin(self, program: str) -> None:
         generator = casadi.CodeGenerator("functions", {"with_header": False})
-        try:
-            for text in self._functions:
-                generator.add(casadi.Function.deserialize(text))
-            source = str(generator.dump())
-        except RuntimeError:
-            source = ""
-        if not 0 < len(source) <= _MOST_CHARACTERS:
-            self._over = True
-            return ""
-        return source
-
-    def _begin(self, source: str) -> None:
-        program = compiler()
-        if program is None:
-            self._over = True
-            return
-        try:
-            self._folder = tempfile.TemporaryDirectory(prefix="bsa-", ignore_cleanup_errors=True)
-            most_s = math.ceil(_PATIENCE * _SECONDS_A_CHARACTER * len(source))
-            limited = ["sh", "-c", f'ulimit -t {most_s} && exec "$@"', "sh"]
-            self._process = subprocess.Popen(
-                [*limited, program, *_FLAGS, "-x", "c", "-", "-o", str(self._library)],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-            )
-        except OSError:
-            self._over = True
-            return
+        for function in self._deserialised():
+            generator.add(function)
+        source = str(generator.dump()).encode()
+        self._folder = tempfile.TemporaryDirectory(prefix="bsa-", ignore_cleanup_errors=True)
+        limited = ["sh", "-c", f'ulimit -t {math.ceil(_PATIENCE * self._price_s)} && exec "$@"', "sh"]
+        self._process = subprocess.Popen(
+            [*limited, program, *_FLAGS, "-x", "c", "-", "-o", _library(self._folder.name)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         assert self._process.stdin is not None
         with contextlib.suppress(BrokenPipeError), self._process.stdin as pipe:
-            pipe.write(source.encode())
+            pipe.write(source)
+
+
+def _library(folder: str) -> str:
+    return str(Path(folder) / "functions.so")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from bsa.core.target import CellChange, target_named
 from bsa.core.task import CellModel, Experiment
-from bsa.core.trajectory import Trajectory
+from bsa.core.trajectory import FloatArray, Step, StepKind, Trajectory
 from bsa.plugins.pybamm.solving.compiled import CompiledExperiment
 from bsa.plugins.pybamm.solving.experiment_kinds import solve_reference
 
@@ -39,3 +41,16 @@ def measured() -> Trajectory:
     run = solve_reference(CellModel("Chen2020"), short_experiment(), CellChange())
     assert run.trajectory is not None
     return run.trajectory
+
+
+@pytest.fixture(scope="session")
+def rest_then_discharge() -> Callable[[FloatArray, float, float], Trajectory]:
+    """Makes a record on a clock, s: at rest until a time, s, then at a constant current, A."""
+
+    def made(clock: FloatArray, rest_s: float, current_a: float) -> Trajectory:
+        current = np.where(clock < rest_s, 0.0, current_a)
+        begins = int(np.searchsorted(clock, rest_s))
+        steps = (Step(StepKind.REST, 0, begins), Step(StepKind.CC_DISCHARGE, begins, len(clock)))
+        return Trajectory(clock, current, np.full(len(clock), 3.8), None, steps)
+
+    return made

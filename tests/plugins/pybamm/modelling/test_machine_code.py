@@ -2,13 +2,15 @@
 
 import shutil
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import casadi
 import numpy as np
 import pytest
 from bsa.core.task import CellModel
-from bsa.core.trajectory import FloatArray, Step, StepKind, Trajectory
+from bsa.core.trajectory import FloatArray, Trajectory
 from bsa.plugins.pybamm.modelling import machine_code
 from bsa.plugins.pybamm.modelling.machine_code import MachineCode, compiler
 from bsa.plugins.pybamm.solving.driven_cell import DrivenCell
@@ -33,10 +35,10 @@ def functions() -> list[str]:
     ]
 
 
-def waited_for(code: MachineCode) -> list[str] | None:
+def waited_for(code: MachineCode) -> list[Any] | None:
     for _ in range(600):
-        made = code.made()
-        if made is not None or code._over:
+        made = code.made(casadi.Function.deserialize)
+        if code._process is None:
             return made
         time.sleep(0.05)
     raise AssertionError("the compiler did not end within 30 s")
@@ -50,10 +52,8 @@ def begun(monkeypatch: pytest.MonkeyPatch) -> MachineCode:
 
 
 @pytest.fixture(scope="module")
-def cell() -> DrivenCell:
-    current = np.where(CLOCK < 100.0, 0.0, 5.0)
-    steps = (Step(StepKind.REST, 0, 5), Step(StepKind.CC_DISCHARGE, 5, len(CLOCK)))
-    record = Trajectory(CLOCK, current, np.full(len(CLOCK), 3.8), None, steps)
+def cell(rest_then_discharge: Callable[..., Trajectory]) -> DrivenCell:
+    record = rest_then_discharge(CLOCK, 100.0, 5.0)
     return DrivenCell(CellModel("Chen2020", "SPMe"), (), record, {}, 298.15)
 
 
@@ -82,33 +82,28 @@ def test_functions_are_the_same_ones_in_their_order(monkeypatch: pytest.MonkeyPa
     code = begun(monkeypatch)
     made = waited_for(code)
     assert made is not None
-    first, second = map(casadi.Function.deserialize, made)
+    first, second = made
     x = np.array([0.1, 0.2, 0.3])
     np.testing.assert_array_equal(first(x).full().ravel(), np.exp(x))
     np.testing.assert_array_equal(second(x).full().ravel(), 2.0 * x[:2])
-    assert code.made() is None, "they are told once"
+    assert code.made(casadi.Function.deserialize) is None, "they are told once"
 
 
 @needs_compiler
 def test_nothing_is_left_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     code = begun(monkeypatch)
+    assert list(tmp_path.iterdir())
     made = waited_for(code)
     assert made is not None
-    assert list(tmp_path.iterdir())
-    first = casadi.Function.deserialize(made[0])
-    code.drop()
     assert not list(tmp_path.iterdir())
-    assert float(first(np.zeros(3))[0]) == 1.0
+    assert float(made[0](np.zeros(3))[0]) == 1.0
 
 
 def test_compiling_begins_when_it_would_have_paid(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("BSA_COMPILER", "true")
     code = MachineCode(functions())
-    code.spent(1e-3)
-    assert code._process is None
-    assert code._source
-    price = machine_code._SECONDS_A_CHARACTER * len(code._source)
+    price = machine_code._SECONDS_A_CHARACTER * sum(map(len, functions()))
     code.spent(0.9 * price / machine_code._SAVED)
     assert code._process is None
     code.spent(0.2 * price / machine_code._SAVED)
@@ -132,7 +127,7 @@ def test_without_a_compiler_nothing_is_begun(program: str, monkeypatch: pytest.M
     code = begun(monkeypatch)
     code.spent(1e3)
     assert code._process is None
-    assert code.made() is None
+    assert code.made(casadi.Function.deserialize) is None
 
 
 def test_long_functions_stay_interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -149,8 +144,9 @@ def test_compiling_without_an_end_is_given_up(tmp_path: Path, monkeypatch: pytes
     endless.chmod(0o755)
     monkeypatch.setenv("BSA_COMPILER", str(endless))
     code = begun(monkeypatch)
+    process = code._process
     assert waited_for(code) is None
-    assert code._process.returncode != 0
+    assert process.returncode != 0
 
 
 def test_on_other_systems_a_compiler_has_to_be_named(monkeypatch: pytest.MonkeyPatch) -> None:

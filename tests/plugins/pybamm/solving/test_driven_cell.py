@@ -4,18 +4,15 @@ import time
 
 import numpy as np
 from bsa.core.task import CellModel
-from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.effects.catalogue import EFFECTS
 from bsa.plugins.pybamm.solving.driven_cell import DrivenCell
 
 (MARCUS,) = (effect for effect in EFFECTS if effect.key == "kinetics-marcus")
 
 
-def test_a_current_that_no_potential_gives_is_told_soon():
+def test_a_current_that_no_potential_gives_is_told_soon(rest_then_discharge):
     clock = np.arange(0.0, 4000.0, 20.0)
-    current = np.where(clock < 60.0, 0.0, 1.7)
-    steps = (Step(StepKind.REST, 0, 3), Step(StepKind.CC_DISCHARGE, 3, len(clock)))
-    record = Trajectory(clock, current, np.full(len(clock), 3.8), None, steps)
+    record = rest_then_discharge(clock, 60.0, 1.7)
     cell = DrivenCell(CellModel("Chen2020", "SPMe"), (MARCUS,), record, {}, 298.15)
     (strength,) = (MARCUS.full_name(parameter) for parameter in MARCUS.parameters)
 
