@@ -163,8 +163,8 @@ class Reading:
         list[float] | None,
         records_option(
             metavar="S",
-            help="How much later than the current the instrument writes the voltage; left out, what the record shows; "
-            "repeat likewise.",
+            help="How much later than the current the instrument writes the voltage; left out, what the record shows "
+            "(bsa discover: none); repeat likewise.",
         ),
     ] = None
     cycles: Annotated[str | None, records_option(metavar="N-M", help='Cycles of the records to use, "1" or "2-4".')] = (

@@ -98,6 +98,27 @@ def test_a_record_starts_at_the_state_of_charge_that_was_said_of_it(tmp_path):
         begun(90.0)
 
 
+def test_a_voltage_that_is_written_late_is_kept_so_unless_a_lag_is_given(tmp_path):
+    """It was taken back from the records with a varying current alone, and the hidden lag fitted those of the others."""
+    time = np.arange(1500.0)
+    current = np.repeat(np.random.default_rng(3).normal(-1.0, 3.0, 500), 3)
+    late = 3.7 + 0.02 * np.interp(time - 2.0, time, current)
+    rows = zip(time, current, late, strict=True)
+    path = tmp_path / "drive.csv"
+    path.write_text("\n".join(["Test Time / s,Current / A,Voltage / V", *(f"{t},{i},{v}" for t, i, v in rows)]))
+
+    def voltage(**read):
+        file = {"path": path, "read": read}
+        asked = DiscoverOptions(data=[file], parameters="Chen2020", model="SPM", scale=False, out=tmp_path / "out")
+        case = read_case(asked)
+        return case.measured_records[0].record.voltage, [note for note in case.notes if "late" in note]
+
+    kept, notes = voltage()
+    assert kept == pytest.approx(late)
+    assert notes == []
+    assert voltage(voltage_lag_s=2.0)[0][100:200] == pytest.approx(late[102:202])
+
+
 def test_what_was_assumed_of_the_records_is_told_before_anything_is_simulated(tmp_path, monkeypatch):
     def stopped(*_arguments):
         raise KeyboardInterrupt

@@ -106,6 +106,27 @@ def test_a_name_beside_which_more_than_noise_is_left_says_how_much():
         assert RULES.decide(Gap(base, base, 0.5e-3, 0.5e-3), [found]).reason.endswith(said)
 
 
+@pytest.mark.parametrize("adequate", [True, False])
+def test_two_effects_are_named_only_where_they_leave_no_more_than_noise(adequate):
+    base = explanation("base", None, rmse=50.0)
+    base.rmse_v = base.held_rmse_v = 50e-3
+    found = explanation("one", None, rmse=2.0)
+    found.effects += explanation("other", None).effects
+    found.estimates |= explanation("other", None).estimates
+    found.adequacy, found.rmse_v = Adequacy(*(0.5 * adequate,) * 2, 1.0), 2e-3
+    reason = RULES.objection_to(found, Gap(base, base, 1e-3, 1e-3))
+    assert reason == "" if adequate else reason.startswith("leaves 2.0 times the noise, and two effects are named only")
+
+
+@pytest.mark.parametrize(("held_mv", "said"), [(1.05, ""), (26.0, "; data not fitted are off by 26.0 mV")])
+def test_a_base_model_that_mispredicts_data_not_fitted_is_told_of(held_mv, said):
+    base = explanation("base", None)
+    base.held_rmse_v = 1e-3 * held_mv
+    words = RULES.not_predicted(Gap(base, base, 1e-3, 1e-3))
+    assert words.startswith(said)
+    assert bool(words) is bool(said)
+
+
 def test_who_predicts_data_not_fitted_clearly_worse_is_no_rival():
     best, other = explanation("one", None), explanation("other", None)
     assert RULES.rivals(best, [other]) == [other]
