@@ -70,6 +70,8 @@ def discover(
         How files and DataFrames are read; see `read_record`.
     constant_current, current_offset, voltage_lag, temperature : float or sequence of float, optional
         As there; one for all records, or one for each in their order, held-out ones last.
+        Without ``voltage_lag`` a voltage that is written late is kept so, for a time lag is one of the effects;
+        `read_record` takes it back unless its ``voltage_lag`` is 0.
     initial_soc : float or sequence of float, optional
         State of charge at which a record starts, and its fit, where its first voltage does not tell; one for all
         fitted records, or one for each in their order.
