@@ -102,7 +102,7 @@ class Rules:
             return "its fit did not converge"
         if len(found.effects) > 1 and not self.explains_all(found):
             times = found.rmse_v / gap.noise_v
-            return f"leaves {times:.1f} times the noise, and two effects are named only where they leave no more than noise"
+            return f"leaves {times:.1f} times the noise, and two effects are named only where they leave noise alone"
         # A base model with parameters far from their priors may come as near to the voltage; BIC counts the priors.
         # A temperature predicted clearly better, which no fit was shown, then stands for the gap that it hides.
         warm = self.predicts_temperature(found, base)

@@ -99,7 +99,7 @@ def test_a_record_starts_at_the_state_of_charge_that_was_said_of_it(tmp_path):
 
 
 def test_a_voltage_that_is_written_late_is_kept_so_unless_a_lag_is_given(tmp_path):
-    """It was taken back from the records with a varying current alone, and the hidden lag fitted those of the others."""
+    """It was taken back from the records with a varying current alone; the others kept the hidden lag."""
     time = np.arange(1500.0)
     current = np.repeat(np.random.default_rng(3).normal(-1.0, 3.0, 500), 3)
     late = 3.7 + 0.02 * np.interp(time - 2.0, time, current)
