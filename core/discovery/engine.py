@@ -27,7 +27,7 @@ _SECOND_EFFECTS = 4
 """Second effects that get a short fit beside a first one."""
 
 _MORE = 2
-"""Times that the best explanation's fit is gone on with, where it has not converged."""
+"""Times that the best explanation's fit is gone on with, where it has not converged, or leaves more than noise."""
 
 _WORTHWHILE = (1.0 - RULES.held_margin) ** 2
 """Share of a single effect's cost that a pair has to come down to in a short fit, to be fitted on: squares of errors
@@ -105,10 +105,11 @@ class Engine:
             why = f"noise explains the residual (size p = {of.p_size:.2g}, structure p = {of.p_structure:.2g})"
             why += RULES.not_predicted(gap)
             return Findings("no-missing-effect", gap, base, [], explanations, known.nominations, why, known.mesh_v)
+        explanations = self._with_mesh_of_best(explanations)
         unfinished = bool(explanations) and not explanations[0].adequacy.adequate
         # Over many cycles a little charge lost on the way fits what sampling hides of the current: no second effect.
         if unfinished and self.settings.max_effects > 1 and fitter.as_new is None:
-            explanations = self.add_second(base, explanations, known.nominations)
+            explanations = self._with_mesh_of_best(self.add_second(base, explanations, known.nominations))
         explanations = self._exact(explanations)
         for explanation in explanations:
             # Fitted on since they were told of, some are nearer; the verdict is on what they are now.
@@ -283,14 +284,37 @@ class Engine:
             result = ranked([*self._fitter.contest(base, [best]), *(e for e in result if e is not best)])
         return result
 
+    def _with_mesh_of_best(self, explanations: Sequence[Explanation]) -> list[Explanation]:
+        """The same where the best one leaves noise; else fitted on with the mesh corrected where that one ended.
+
+        The correction was measured at the base model, from which an effect leads far away: what is left then is partly
+        the mesh's.
+        """
+        result = list(explanations)
+        for _ in range(_MORE):
+            if not result or result[0].adequacy.adequate:
+                break
+            best = result[0]
+            if not self.problem.correct_mesh_anew(best.effects, best.fit.candidate):
+                break
+            self.problem.misfit_v = min(self.problem.misfit_v, best.counts_as_noise_v)
+            result = self._fitted_on(result, partial(self._fitter.again, budget=self.settings.refit_budget // 2))
+        return result
+
     def _exact(self, explanations: Sequence[Explanation]) -> list[Explanation]:
-        """The same, where the best one and those that might yet be its rivals end on the base model's own Jacobians.
+        """The same, where those that decide end on the base model's own Jacobians."""
+        return self._fitted_on(explanations, self._fitter.exact)
+
+    def _fitted_on(
+        self, explanations: Sequence[Explanation], go_on: Callable[[Explanation], Explanation]
+    ) -> list[Explanation]:
+        """The best one and those that might yet be its rivals fitted on, side by side, and the others as they are.
 
         One that has not converged might be a rival whatever its distance.
         """
         near = [e for e in explanations if RULES.behind(e, explanations[0]) <= RULES.far_ahead or not e.settled]
-        exact = self.problem.side_by_side([partial(self._fitter.exact, explanation) for explanation in near])
-        return ranked([*exact, *(e for e in explanations if e not in near)])
+        again = self.problem.side_by_side([partial(go_on, explanation) for explanation in near])
+        return ranked([*again, *(e for e in explanations if e not in near)])
 
     def _overfitted(self, base: Explanation) -> bool:
         """Whether the base model was fitted with less counted as noise than what it leaves."""

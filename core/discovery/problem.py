@@ -227,6 +227,16 @@ class Problem:
             usual_all.append(change)
         return float(np.sqrt(np.mean(np.concatenate(usual_all) ** 2))) if usual_all else 0.0
 
+    def correct_mesh_anew(self, effects: Sequence[Effect], candidate: Candidate) -> bool:
+        """Measure the mesh correction at another candidate; whether it moved by more than was uncertain of it."""
+        known, unsure = dict(self.corrections), dict(self.mesh_sigma)
+        self.correct_mesh(effects, candidate)
+        nothing = np.zeros(1)
+        return any(
+            np.mean((change - known.get(name, nothing)) ** 2) > np.mean(unsure.get(name, nothing) ** 2)
+            for name, change in self.corrections.items()
+        )
+
     def shifted_low_fidelity(self, effects: Sequence[Effect], candidate: Candidate) -> Problem | None:
         """The same problem on the simulator's cheaper model, shifted so that both models agree at one candidate.
 

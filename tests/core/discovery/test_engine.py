@@ -9,6 +9,7 @@ from bsa.core.discovery.findings import Gap, Nomination, Settings
 from bsa.core.discovery.fitting import Fitter
 from bsa.core.discovery.nomination import nominate, screen
 from bsa.core.discovery.rules import RULES, bic_difference
+from bsa.core.discovery.simulator import Prediction
 from bsa.core.parameters import ParameterSpace
 
 CATALOGUE = (toy.QUADRATIC, toy.HYSTERESIS, toy.SLOW)
@@ -31,6 +32,26 @@ def test_the_hidden_effect_is_named_and_measured(name, held):
     assert estimate.ci95[0] < 0.01 < estimate.ci95[1] or abs(estimate.value - 0.01) < 5e-4
     assert findings.best.adequacy.adequate
     assert findings.best.held_rmse_v < findings.base.held_rmse_v
+
+
+class CoarseWhereStrong(toy.ToySimulator):
+    """Its usual mesh is off where the effect is strong, as a slow wave along the record, and its fine one is not."""
+
+    def one(self, request):
+        size = sum(self.felt(added.values(request.candidate)["size"]) for added in request.effects)
+        times = request.moments.time
+        coarse = (not request.fine) * 0.3 * size * request.moments.averaged(np.sin(times / 150.0))
+        return Prediction(super().one(request).voltage + coarse)
+
+
+def test_the_mesh_is_corrected_where_the_best_explanation_ended():
+    """The correction of the base model, which lacks the effect, was none: 3 mV of the mesh counted as a misfit."""
+    problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
+    problem.simulator = CoarseWhereStrong()
+    findings = Engine(problem, space, CATALOGUE, toy.EVIDENCE, Settings(max_effects=1)).run()
+    assert findings.best.names == ("sign",)
+    assert findings.best.adequacy.adequate
+    assert findings.best.estimates["sign"][0].value == pytest.approx(0.01, rel=0.1)
 
 
 @pytest.mark.parametrize("held", [True, False])
