@@ -1,7 +1,8 @@
-"""Whether a model fits the memory of this machine's GPUs, and what is said where it does not."""
+"""Which GPUs this machine has, whether a model fits their memory, and what is said where it does not."""
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 from ..core.errors import BsaError
@@ -25,6 +26,33 @@ class GpuMemory:
         found = [torch.cuda.mem_get_info(index) for index in range(torch.cuda.device_count())]
         return cls(float(sum(free for free, _ in found)), float(sum(total for _, total in found)))
 
+    def __str__(self) -> str:
+        return f"{self.free / 1e9:.1f} of {self.total / 1e9:.1f} GB are free"
+
+
+def accelerator() -> str:
+    """Where models run: ``"cuda"``, ``"mps"`` or ``"cpu"``."""
+    import torch
+
+    if torch.cuda.is_available():
+        return "cuda"
+    return "mps" if torch.backends.mps.is_available() else "cpu"
+
+
+def gpu_in_words() -> str:
+    """The GPU that models run on and its free memory, or that there is none; imports torch, which takes seconds."""
+    kind = accelerator()
+    if kind != "cuda":
+        return "GPU: mps" if kind == "mps" else "no GPU: local models run on the CPU"
+    import torch
+
+    names = Counter(torch.cuda.get_device_name(index) for index in range(torch.cuda.device_count()))
+    devices = ", ".join(f"{count} x {name}" if count > 1 else name for name, count in names.items())
+    try:
+        return f"GPU: {devices} (CUDA), {GpuMemory.now()}"
+    except RuntimeError as error:  # other processes have all of it
+        return f"GPU: {devices} (CUDA), but it cannot be used: {str(error).partition(chr(10))[0]}"
+
 
 def refuse_larger(name: str, weight_bytes: float, four_bit: bool, memory: GpuMemory) -> None:
     """Raise `BsaError` before anything is loaded if the weights alone are more than the memory that is free."""
@@ -35,7 +63,7 @@ def refuse_larger(name: str, weight_bytes: float, four_bit: bool, memory: GpuMem
 def too_large(name: str, weight_bytes: float, memory: GpuMemory | None) -> BsaError:
     """That a model does not fit; ``weight_bytes`` is its size on the GPU without 4-bit weights, 0 if not known."""
     size = f" ({weight_bytes / 1e9:.1f} GB)" if weight_bytes else ""
-    room = "" if memory is None else f": {memory.free / 1e9:.1f} of {memory.total / 1e9:.1f} GB are free"
+    room = "" if memory is None else f": {memory}"
     return BsaError(
         f'the weights of "{name}"{size} do not fit into the memory of the GPU{room}.',
         "end other programs on the GPU (nvidia-smi lists them; each worker of a grid loads a copy: --workers 1), "

@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 from ..core.errors import BsaError
 from ..core.resident_memory import resident_mb
-from .gpu_memory import GpuMemory, refuse_larger, too_large
+from .gpu_memory import GpuMemory, accelerator, refuse_larger, too_large
 from .model_files import bytes_in_sixteen_bits, model_folder, weight_bytes
 
 Quantisation = Literal["auto", "4bit", "none"]
@@ -133,7 +133,7 @@ def _load(name: str, quantisation: Quantisation) -> LoadedModel:
     transformers.logging.disable_progress_bar()
     logging.getLogger("accelerate").setLevel(logging.ERROR)
     memory = None
-    if _accelerator() == "cuda":
+    if accelerator() == "cuda":
         # Without it cuBLAS does not round alike each time, and the same seed gives other replies (docs/backends.md).
         os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")
         memory = GpuMemory.now()
@@ -146,8 +146,8 @@ def _load(name: str, quantisation: Quantisation) -> LoadedModel:
         if memory is not None:
             refuse_larger(name, bytes_in_sixteen_bits(source, config), "quantization_config" in arguments, memory)
         model = transformers.AutoModelForCausalLM.from_pretrained(source, **arguments)
-        if "device_map" not in arguments and _accelerator() != "cpu":
-            model.to(_accelerator())
+        if "device_map" not in arguments and accelerator() != "cpu":
+            model.to(accelerator())
     except (OSError, ValueError) as error:
         reason = str(error).strip().partition("\n")[0][:300]
         hint = "check the folder." if Path(source).exists() else f"hf download {name}"
@@ -163,19 +163,11 @@ def _load(name: str, quantisation: Quantisation) -> LoadedModel:
     return LoadedModel(tokenizer, model, description, before_mb=before_mb)
 
 
-def _accelerator() -> str:
-    import torch
-
-    if torch.cuda.is_available():
-        return "cuda"
-    return "mps" if torch.backends.mps.is_available() else "cpu"
-
-
 def _arguments(name: str, config: Any, quantisation: Quantisation) -> dict[str, Any]:
     """Number format, device and quantisation for this machine."""
     import torch
 
-    device = _accelerator()
+    device = accelerator()
     arguments: dict[str, Any] = {}
     if device == "cuda" and find_spec("accelerate") is not None:
         arguments["device_map"] = "auto"

@@ -2,6 +2,7 @@
 
 import csv
 import errno
+import hashlib
 import io
 import json
 import os
@@ -114,6 +115,14 @@ def load_json(path: Path, hint: str) -> Any:
         raise file_error(error, path) from None
     except (ValueError, RecursionError) as error:
         raise BsaError(f"{path} is not valid JSON: {shown(error)}.", hint) from None
+
+
+def file_digest(path: Path) -> str:
+    """A hash of what a file holds. Raises `BsaError` if it cannot be read."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise file_error(error, path) from None
 
 
 @contextmanager

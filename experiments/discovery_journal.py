@@ -8,7 +8,7 @@ from typing import Any
 
 from ..core.discovery.recorded import SIMULATION
 from ..core.errors import BsaError
-from ..core.files import file_error
+from ..core.files import file_digest, file_error
 from ..core.printable import shown
 from ..core.reading.part_of_file import file_and_part
 from ..core.run import journal
@@ -114,15 +114,8 @@ def _digests(options: DiscoverOptions) -> dict[str, str]:
             files = sorted(child for child in path.iterdir() if child.is_file()) if path.is_dir() else [path]
         except OSError as error:
             raise file_error(error, path) from None
-        found |= {str(one.absolute()): _digest(one) for one in files}
+        found |= {str(one.absolute()): file_digest(one) for one in files}
     return found
-
-
-def _digest(path: Path) -> str:
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError as error:
-        raise file_error(error, path) from None
 
 
 def _digests_of_base(options: DiscoverOptions) -> dict[str, str]:
@@ -133,7 +126,7 @@ def _digests_of_base(options: DiscoverOptions) -> dict[str, str]:
     base = parameter_source(options.parameters) if is_run(options.parameters) else None
     run = hashlib.sha256(base.text.encode()).hexdigest() if isinstance(base, ParameterFile) else ""
     file = _search_file(options.search)
-    return dict(zip(_OF_BASE, (run, _digest(file) if file else ""), strict=True))
+    return dict(zip(_OF_BASE, (run, file_digest(file) if file else ""), strict=True))
 
 
 def _search_file(search: Any) -> Path | None:

@@ -85,8 +85,7 @@ def ablation(results: Results) -> str:
 
 def evaluation(results: Results) -> str:
     """What one evaluation costs."""
-    (row,) = results.rows("evaluation")
-    return results.framed("evaluation", evaluation_table(row))
+    return results.framed("evaluation", evaluation_table(results.rows("evaluation")))
 
 
 def runtime(results: Results) -> str:

@@ -13,6 +13,7 @@ import typer
 from . import completion
 from . import shared_options as shared
 from .bench_discovery import discovery_app
+from .bench_lives import lives_app
 from .campaign import RESULTS, Execution, Executors, Metric, StoreOption, finish, print_outcome, say
 from .option_groups import with_options
 
@@ -234,12 +235,10 @@ def evaluation_command(
 ) -> None:
     """What one evaluation costs against PyBaMM by itself, and what the loop adds to a round."""
     from ..campaign.study_cell import plan_study
-    from ..studies.evaluation import measure, write_evaluation
+    from ..studies.evaluation import evaluation_table, measure
 
     plan = plan_study("evaluation", measure, {task: {"task_name": task, "repeats": repeats}}, store)
-    rows = Executors(workers=1).run(plan)
-    print(write_evaluation(plan))
-    finish(rows)
+    Executors(workers=1).run_study(plan, evaluation_table)
 
 
 @bench_app.command("coverage")
@@ -257,20 +256,14 @@ def coverage_command(
     store: StoreOption = RESULTS,
 ) -> None:
     """How often 95 % intervals contain the truth, on noisy synthetic tasks; the same command goes on after a stop."""
-    from ..studies.coverage import plan_coverage, write_coverage
+    from ..studies.coverage import coverage_table, plan_coverage
 
-    execution.check()
-    plan = plan_coverage(store, tasks, seed, model, points, simulations)
-    rows = execution.run(plan)
-    print(write_coverage(plan))
-    finish(rows)
+    execution.run_study(plan_coverage(store, tasks, seed, model, points, simulations), coverage_table)
 
 
 @bench_app.command("real-cells")
 def real_cells_command(
-    data: Annotated[
-        Path, shared.records_option(metavar="FOLDER", help="Where the records are (they are not shipped).")
-    ],
+    data: shared.RecordsFolder,
     only: Annotated[
         list[str] | None, shared.records_option("--cell", metavar="NAME", help="Run this cell alone; repeat.")
     ] = None,
@@ -363,4 +356,5 @@ def tables_command(
         print(path)
 
 
+bench_app.add_typer(lives_app)
 bench_app.add_typer(discovery_app, name="discovery")

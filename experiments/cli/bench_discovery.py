@@ -75,8 +75,7 @@ def _run(
     from ..discovery_bench.blind_cell import plan_cases
 
     execution.check()
-    plan = plan_cases(folder, name, kind, only or None, **asked)
-    return [row for row in execution.run(plan) if not only or row["task"] in only]
+    return execution.run(plan_cases(folder, name, kind, only or None, **asked))
 
 
 @discovery_app.command("score")

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from ..campaign.cell import Cell
     from ..campaign.execution import Allowance, Pool
     from ..campaign.running import Plan, WatcherContext
+    from ..campaign.study_cell import StudyCell, Table
     from ..campaign.summary import Row
 
 StoreOption = Annotated[
@@ -50,6 +51,9 @@ class Executors:
     memory_limit: Annotated[
         float, shared.search_option(min=1, metavar="MB", help="Replace a local worker that grows past this.")
     ] = 1500
+    dry_run: Annotated[
+        bool, shared.search_option("--dry-run", help="Say what would be run and what it would take; run nothing.")
+    ] = False
 
     def check(self) -> None:
         """Refuse what names no cluster, before anything is made for it."""
@@ -59,9 +63,15 @@ class Executors:
             check_cluster(self.cluster)
 
     def run(self, plan: Plan[Any]) -> list[Row]:
-        """Run what is missing of a campaign. Gives the results table; `finish` says what is missing in it."""
+        """Run what is missing of a campaign; with ``--dry-run`` say what it would take, and end.
+
+        Gives the results table of what was to be run; `finish` says what is missing in it.
+        """
         from ..campaign.running import run_campaign
 
+        if self.dry_run:
+            _print_estimate(plan, self.workers or os.cpu_count() or 1)
+            raise typer.Exit
         try:
             rows, remarks = run_campaign(plan, self._pool(), _watcher, self._allowance)
         except KeyboardInterrupt:
@@ -69,7 +79,20 @@ class Executors:
             raise typer.Exit(INTERRUPTED) from None
         for remark in remarks:
             say(remark)
-        return rows
+        return [row for row in rows if plan.only is None or row["task"] in plan.only]
+
+    def run_study(self, plan: Plan[StudyCell], table: Table, **parts: Table) -> None:
+        """Run what is missing of a study, and write and print what its items have found; see `write_found`.
+
+        ``parts`` are the tables of other parts of their results than the ``rows``.
+        """
+        from ..campaign.study_cell import write_found
+
+        self.check()
+        rows = self.run(plan)
+        texts = [write_found(plan, of_part, part) for part, of_part in {"rows": table, **parts}.items()]
+        print("\n\n".join(filter(None, texts)))
+        finish(rows)
 
     @property
     def _allowance(self) -> Allowance | None:
@@ -90,9 +113,6 @@ class Executors:
 class Execution(Executors):
     """How a campaign of calibrations is carried out, and what may be spent."""
 
-    dry_run: Annotated[
-        bool, shared.search_option("--dry-run", help="Say what would be run and what it would take; run nothing.")
-    ] = False
     max_tokens: Annotated[
         int | None, shared.language_model_option(min=0, metavar="N", help="Begin no cell after so many tokens.")
     ] = None
@@ -100,13 +120,6 @@ class Execution(Executors):
         float | None, shared.language_model_option(min=0, metavar="USD", help="Begin no cell after so much money.")
     ] = None
     store: StoreOption = RESULTS
-
-    def run(self, plan: Plan[Any]) -> list[Row]:
-        """Run what is missing; with ``--dry-run`` say what it would take, and end."""
-        if self.dry_run:
-            _print_estimate(plan, self.workers or os.cpu_count() or 1)
-            raise typer.Exit
-        return super().run(plan)
 
     @property
     def _allowance(self) -> Allowance:
@@ -195,14 +208,20 @@ def say(line: str) -> None:
 
 
 def _print_estimate(plan: Plan[Any], workers: int) -> None:
+    from ..campaign.calibration import Calibration
     from ..campaign.estimate import Need, estimate
     from ..report.wording import duration
     from .progress import printable
 
-    finished = sum(bool(cell.identity and plan.store.result(cell.identity)) for cell in plan.cells)
-    print(f"{plan.name}: {counted(len(plan.cells), 'run')}, {finished} of them finished already")
+    left = [cell for cell in plan.chosen if not (cell.identity and plan.store.result(cell.identity))]
+    print(f"{plan.name}: {counted(len(plan.chosen), 'run')}, {len(plan.chosen) - len(left)} of them finished already")
+    calibrations = [cell for cell in plan.chosen if isinstance(cell, Calibration)]
+    if not calibrations:  # An item of a study has no budget by which its time could be told.
+        for cell in left:
+            print("  " + printable(": ".join(filter(None, (cell.axes.task, cell.trouble))), 400))
+        return
     total = Need()
-    for name, need in estimate(plan.cells, plan.store).items():
+    for name, need in estimate(calibrations, plan.store).items():
         total = total + need
         print(f"  {printable(name):40s} {_words(need)}")
     print(f"  {'to be run':40s} {_words(total)}")

@@ -79,14 +79,16 @@ def parameters(
 
 
 def doctor() -> None:
-    """Show which language models are ready here, what would make the others so, and whether a C compiler is found."""
+    """Show which language models are ready here, what would make the others so, and the GPU and C compiler found."""
+    from ...backends.gpu_memory import gpu_in_words
     from ...backends.readiness import survey
     from ...core.contracts.registry import installed
     from ...plugins.pybamm.modelling.machine_code import compiler
 
+    checked = survey()
     surveyed = [
         (item.backend, f"{item.route}: {'ready' if item.ready else 'not ready'}", item.remedy or item.detail)
-        for item in survey()
+        for item in checked
     ]
     foreign = [
         (item.entry.name, "plugin: not checked", f"{item.entry.summary} ({item.origin})")
@@ -97,6 +99,8 @@ def doctor() -> None:
     print_table(
         "routes", [(item.entry.name, item.origin, item.entry.summary) for item in installed().listings("route")]
     )
+    if any(item.route == "transformers" and (item.ready or item.made_ready_by_opening) for item in checked):
+        print_table("local models", [(gpu_in_words(),)])
     program = compiler()
     state, effect = ("found", program) if program else ("not found", "install gcc: simulations then take less time")
     print_table("simulations", [("C compiler", state, effect)])

@@ -29,6 +29,9 @@ ModelOptions = Annotated[
     list[str] | None, model_option("--options", metavar="KEY=VALUE", help="PyBaMM model option; repeat.")
 ]
 
+RecordsFolder = Annotated[
+    Path, records_option("--data", metavar="FOLDER", help="Where the records are (they are not shipped).")
+]
 Holdout = Annotated[
     list[Path] | None, records_option("--holdout", metavar="FILE...", help="Records that are predicted, never fitted.")
 ]

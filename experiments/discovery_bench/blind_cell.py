@@ -1,6 +1,5 @@
 """Blind cases as cells: a discovery on its records, or a ranking of the effects that may be hidden in them."""
 
-import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ...core.errors import BsaError
+from ...core.files import file_digest
 from ...core.messages import Outage
 from ...core.run.run_config import hash_of
 from ...core.shape import decoding
@@ -85,7 +85,7 @@ def _cell(case: Path, kind: Kind, asked: Mapping[str, Any]) -> StudyCell:
     determining = {
         "kind": kind,
         "files": {
-            path.name: hashlib.sha256(path.read_bytes()).hexdigest()
+            path.name: file_digest(path)
             for path in (case / DESCRIPTION, *(file.path for file in (*options.data, *options.holdout)))
         },
         "asked": {**asked, "backend_options": without_placement(options.backend_options)},

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from ...core.comparison.residuals import noise_of_residuals, residuals
-from ...core.files import write_csv, write_text
 from ...core.inference.prediction import band_of
 from ...core.parameters import Candidate, Parameter, ParameterSpace
 from ...core.run.loop import RunResult
@@ -26,7 +25,7 @@ from ...core.target import INITIAL_SOC, CellChange, InitialSoc, soc_name
 from ...core.task import CellModel, Experiment, Protocol, Task
 from ...core.trajectory import FloatArray, Trajectory
 from ..campaign.running import Plan
-from ..campaign.study_cell import StudyCell, plan_study, results_of
+from ..campaign.study_cell import StudyCell, plan_study
 from ..campaign.summary import exact_interval, grouped
 from ..campaign.text_tables import markdown_table
 from ..run import execute_run
@@ -295,16 +294,6 @@ def plan_coverage(store: Path, count: int, seed: int, model: str, points: int, s
     """A cell for every task."""
     asked = {"seed": seed, "model": model, "points": points, "simulations": simulations}
     return plan_study("coverage", one_task, {f"task-{n}": {**asked, "number": n} for n in range(count)}, store)
-
-
-def write_coverage(plan: Plan[StudyCell]) -> str:
-    """Write ``coverage.csv`` (an interval a row) and ``coverage.md``; the table of the latter."""
-    rows = [row for result in results_of(plan) for row in result["rows"]]
-    table = coverage_table(rows)
-    if rows:
-        write_csv(plan.folder / "coverage.csv", rows)
-        write_text(plan.folder / "coverage.md", table + "\n")
-    return table
 
 
 def coverage_table(rows: Sequence[Mapping[str, Any]]) -> str:

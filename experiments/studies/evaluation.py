@@ -4,22 +4,19 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...backends.rules.backend import RulesBackend
-from ...core.files import write_csv
 from ...core.parameters import Candidate
 from ...core.run.run_config import RunConfig
 from ...core.scaffold import load_scaffold
 from ...plugins.pybamm.simulators.worker import Assignment, WorkerPool
 from ...plugins.pybamm.solving.compiled import CompiledExperiment
 from ...plugins.pybamm.solving.experiment_kinds import solve_reference
-from ..campaign.running import Plan
-from ..campaign.study_cell import StudyCell, results_of
 from ..campaign.summary import Row
 from ..campaign.text_tables import markdown_table
 from ..campaign.trace import Stopwatch
@@ -41,21 +38,14 @@ class EvaluationCost:
 
 
 def measure(folder: Path, task_name: str, repeats: int) -> dict[str, Any]:
-    """The fields of an `EvaluationCost`, of one task."""
+    """The `EvaluationCost` of one task, as a row."""
     cost = measure_evaluation(task_name, repeats)
-    return {**asdict(cost), "summary": f"{cost.evaluation_s:.3f} s an evaluation"}
+    return {"rows": [asdict(cost)], "summary": f"{cost.evaluation_s:.3f} s an evaluation"}
 
 
-def write_evaluation(plan: Plan[StudyCell]) -> str:
-    """Write ``evaluation.csv``; its tables."""
-    costs = [{field.name: result[field.name] for field in fields(EvaluationCost)} for result in results_of(plan)]
-    if costs:
-        write_csv(plan.folder / "evaluation.csv", costs)
-    return "\n\n".join(map(evaluation_table, costs))
-
-
-def evaluation_table(row: Row) -> str:
+def evaluation_table(rows: Sequence[Row]) -> str:
     """Times of one evaluation, by PyBaMM's own solve."""
+    (row,) = rows
     solve = row["solver_s"]
     lines = [
         ["PyBaMM's own solve of the compiled model", f"{solve:.3f} s"],

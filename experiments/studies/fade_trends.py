@@ -1,21 +1,20 @@
-"""Fades of measured lives continued without a cell: ``python -m bsa.experiments.studies.fade_trends FOLDER``.
+"""``bsa bench fade-trends``: fades of measured lives, continued without a cell.
 
 What the first cycles alone tell of a later capacity: a square root of the cycle number, as of SEI growth limited by
 diffusion, a straight line, and both together are fitted to the capacities of CALCE's cells, and continued.
 """
 
-import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from ...core.files import write_csv
-from ...core.record import ReadOptions
 from ...core.trajectory import FloatArray
-from ..task_request import CellChoice, Records, task_of_records
-from .whole_life import CELLS, FITTED, FORETOLD, MODEL, SET
+from ..campaign.summary import Row
+from ..campaign.text_tables import table_of
+from .whole_life import FITTED, task_of_life
 
 FITTED_TO = (FITTED, 300)
 
@@ -61,16 +60,23 @@ def trends_of(cell: str, cycle: FloatArray, capacity_ah: FloatArray) -> Iterator
             yield Trend(cell, law, fitted_to, 100.0 * left / capacity_ah[0], int(cycle[-1]), 100.0 * off)
 
 
-def _capacities(data: Path) -> tuple[FloatArray, FloatArray]:
-    """Cycles and capacities, as ``bsa-run --life`` reads them."""
-    records = Records([data], reads=[ReadOptions(cycles=(1, FORETOLD))], fit_cycles=FITTED)
-    task = task_of_records(records, CellChoice(SET, MODEL))
+def continue_life(folder: Path, cell: str, record: Path) -> dict[str, Any]:
+    """The trends of one life, as rows."""
+    task = task_of_life(record)
     tables = [e.target.cycle_table for e in (*task.experiments, *task.held_out)]
     known = [table for table in tables if table is not None]
-    return np.concatenate([table.cycle for table in known]), np.concatenate([table.capacity_ah for table in known])
+    life = (np.concatenate([getattr(table, name) for table in known]) for name in ("cycle", "capacity_ah"))
+    rows = [asdict(trend) for trend in trends_of(cell, *life)]
+    return {"rows": rows, "summary": f"{len(rows)} trends"}
 
 
-if __name__ == "__main__":
-    lives = {cell: _capacities(Path(sys.argv[1]) / f"{cell}_all.csv.gz") for cell in CELLS}
-    found = [asdict(trend) for cell, life in lives.items() for trend in trends_of(cell, *life)]
-    write_csv(Path("fade_trends.csv"), found)
+def trends_table(rows: Sequence[Row]) -> str:
+    """What each law comes to at the last cycle."""
+    columns = {
+        "cell": "{cell}",
+        "law": "{law}",
+        "fitted to cycle": "{fitted_to:.0f}",
+        "left of the fitted cycles": "{rms_pct:.2f} %",
+        f"off at cycle {rows[0]['cycle']:.0f}": "{off_pct:+.1f} %",
+    }
+    return table_of(rows, columns)

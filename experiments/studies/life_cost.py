@@ -1,32 +1,31 @@
-"""What a life costs, PyBaMM's own experiment against ours in one process.
+"""``bsa bench life-cost``: what a life costs, PyBaMM's own experiment against ours in one process.
 
-``python -m bsa.experiments.studies.life_cost`` writes ``life_cost.csv``. Both simulate the published case ``sei-0``
-(DFN, SEI limited by its reaction) at the search's tolerances.
+Both simulate the published case ``sei-0`` (DFN, SEI limited by its reaction) at the search's tolerances.
 """
 
-import resource
-import sys
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...core.files import write_csv
 from ...core.target import Value
 from ...core.trajectory import FloatArray
 from ...plugins.pybamm.cells.parameter_sets import load, pybamm
 from ...plugins.pybamm.modelling.compiled_cell import make_model
 from ...plugins.pybamm.modelling.resolution import SEARCH
 from ...plugins.pybamm.solving.long_experiment import LongExperiment
+from ..campaign.summary import Row
+from ..campaign.text_tables import Entry, table_of
 from ..suite.published import published_cases
 from ..suite.target import cell_of, experiment_of
 
 _MB = 1024.0
 """Linux tells the peak of a process's memory in kB."""
 
-_CASE = "sei-0"
+CASE = "sei-0"
 
 
 @dataclass(frozen=True)
@@ -45,10 +44,10 @@ class LifeCost:
     fade_error_pct: float
 
 
-def measure(cycles: int = 200) -> list[LifeCost]:
+def measure(folder: Path, cycles: int) -> dict[str, Any]:
     """Simulate a life with cycles left out, with all of them, and by PyBaMM's own experiment, in this order."""
     pybamm.set_logging_level("CRITICAL")
-    case = published_cases(sei_cycles=cycles)[_CASE]
+    case = published_cases(sei_cycles=cycles)[CASE]
     targets, found = {name: Value(name) for name in case.hidden}, []
     for way, leave_out in (("cycles left out", True), ("every cycle", False)):
         life = LongExperiment(cell_of(case), experiment_of(case), targets, leave_out=leave_out)
@@ -66,10 +65,11 @@ def measure(cycles: int = 200) -> list[LifeCost]:
     plain = _plain(case)
     seconds = time.process_time() - started
     found.append(("PyBaMM's own experiment", cycles, seconds, seconds, _peak_mb(), plain))
-    return [
+    costs = [
         LifeCost(way, cycles, count, first, later, peak, 100.0 * float(np.max(np.abs(q - plain)) / plain[0]))
         for way, count, first, later, peak, q in found
     ]
+    return {"rows": [asdict(cost) for cost in costs], "summary": f"{costs[0].evaluation_s:.1f} s with cycles left out"}
 
 
 def _plain(case: Any) -> FloatArray:
@@ -89,8 +89,20 @@ def _plain(case: Any) -> FloatArray:
 
 
 def _peak_mb() -> float:
+    import resource  # not on Windows
+
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / _MB
 
 
-if __name__ == "__main__":
-    write_csv(Path("life_cost.csv"), [asdict(cost) for cost in measure(int(sys.argv[1]) if sys.argv[1:] else 200)])
+def cost_table(rows: Sequence[Row]) -> str:
+    """Each way of simulating the life, by the last one, PyBaMM's own."""
+    plain_s = rows[-1]["evaluation_s"]
+    columns: dict[str, Entry] = {
+        "way": "{way}",
+        "cycles solved": "{simulated:.0f} of {cycles:.0f}",
+        "processor time": "{evaluation_s:brief} s",
+        "times as cheap": lambda row: f"{plain_s / row['evaluation_s']:.1f}",
+        "peak memory": "{peak_mb:.0f} MB",
+        "largest capacity difference": "{fade_error_pct:brief} %",
+    }
+    return table_of(rows, columns)

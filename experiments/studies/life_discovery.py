@@ -1,12 +1,10 @@
-"""Lives with one hidden mechanism, and a measured one: ``python -m bsa.experiments.studies.life_discovery FOLDER``.
+"""``bsa bench life-discovery``: lives with one hidden mechanism, and a measured one.
 
 The hidden lives are PyBaMM's own experiments, made without anything of the search, with 1 mV of noise; the measured
-one is that of CALCE's cell CS2_35 in ``FOLDER``. Each is asked as ``bsa discover --life`` asks. Cases named behind the
-folder are asked alone.
+one is that of CALCE's cell CS2_35. Each is asked as ``bsa discover --life`` asks.
 """
 
-import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -16,14 +14,17 @@ import numpy as np
 from ...core.discovery.findings import Findings
 from ...core.discovery.life import DEVIATION_V
 from ...core.discovery.life_discovery import LifeDiscovery
-from ...core.files import write_csv
+from ...core.files import replacing
 from ...core.record import ReadOptions
 from ...plugins.pybamm.cells.parameter_sets import pybamm
+from ..campaign.summary import Row
+from ..campaign.text_tables import Entry, table_of
 from ..discover import discover
 from ..discovery_case import discover_options
 from ..processor_time import processor_s
 from ..read_options import reading
 from ..task_request import Records
+from .whole_life import record_of
 
 CYCLE = (
     "Charge at 1C until 4.2 V",
@@ -118,7 +119,7 @@ HIDDEN = {
 class LifeRow:
     """What was found in one life."""
 
-    case: str
+    task: str
     hidden: str  # The mechanism; empty for a measured life.
     verdict: str
     named: str
@@ -135,7 +136,7 @@ class LifeRow:
 
 
 def make(hidden: Hidden, path: Path, seed: int, cycles: int = CYCLES) -> None:
-    """Simulate a life by PyBaMM's own experiment, and write it as a cycler would."""
+    """Simulate a life by PyBaMM's own experiment, and write it as a cycler would; whole or not at all."""
     values = pybamm.ParameterValues(SET)
     # What the set lacks of ageing, from one that was made for it.
     others = pybamm.ParameterValues("OKane2022")
@@ -147,8 +148,8 @@ def make(hidden: Hidden, path: Path, seed: int, cycles: int = CYCLES) -> None:
     simulation = pybamm.Simulation(model, parameter_values=values, experiment=experiment)
     rng = np.random.default_rng(seed)
     solution = None
-    with path.open("w") as file:
-        file.write("time_s,current_A,voltage_V\n")
+    with replacing(path) as file:
+        file.write(b"time_s,current_A,voltage_V\n")
         for number in range(cycles):
             start = {"initial_soc": _START} if solution is None else {"starting_solution": solution}
             inputs = {"Contact resistance [Ohm]": hidden.ohm_per_cycle * number}
@@ -164,7 +165,7 @@ def make(hidden: Hidden, path: Path, seed: int, cycles: int = CYCLES) -> None:
 class ModeRow:
     """How one quantity drifts over a life."""
 
-    case: str
+    task: str
     quantity: str
     cycle: int  # The last one.
     value: float  # What it comes to there.
@@ -173,28 +174,38 @@ class ModeRow:
     half_per_100_cycles: float
 
 
-def ask(case: str, folder: Path, data: Path) -> tuple[LifeRow, list[ModeRow]]:
+def items(data: Path | None) -> dict[str, dict[str, Any]]:
+    """What is asked of each life; without a folder of records no measured one."""
+    measured = {} if data is None else {case: {"case": case, "record": record_of(case, data)} for case in MEASURED}
+    return {**{case: {"case": case} for case in HIDDEN}, **measured}
+
+
+def ask(folder: Path, case: str, record: Path | None = None) -> dict[str, Any]:
     """Make a life, or take a measured one, and ask which mechanism ages it."""
-    if case in HIDDEN:
+    if record is None:
         path = folder / f"{case}.csv"
-        make(HIDDEN[case], path, list(HIDDEN).index(case))
+        if not path.is_file():  # of a time before, which was stopped
+            make(HIDDEN[case], path, list(HIDDEN).index(case))
         columns = {"time": "time_s", "current": "current_A", "voltage": "voltage_V"}
         records = Records([path], reads=[reading(columns, temperature=25.0)], fit_cycles=FITTED)
         base = SET
     else:
         read = ReadOptions(cycles=(1, _MEASURED_CYCLES))
-        records = Records([data / f"{case}_all.csv.gz"], reads=[read], fit_cycles=_MEASURED_FITTED)
+        records = Records([record], reads=[read], fit_cycles=_MEASURED_FITTED)
         base = _MEASURED_SET
     began = processor_s()
     # No model comes down to the noise of a measured cell, so that no pair would count.
     most, model = (2, HIDDEN[case].model) if case in HIDDEN else (1, MODEL)
-    found = discover(discover_options(records, folder / case, parameters=base, model=model, max_effects=most), print)
+    found = discover(discover_options(records, folder / "found", parameters=base, model=model, max_effects=most))
     assert isinstance(found, LifeDiscovery)
     modes = [
         ModeRow(case, m.name, m.cycles[-1], m.values[-1], m.half[-1], m.per_100_cycles, m.half_per_100_cycles)
         for m in found.modes
+        if m.cycles
     ]
-    return row_of(case, found.findings, processor_s() - began), modes
+    row = row_of(case, found.findings, processor_s() - began)
+    summary = f"{row.verdict} {row.named}".rstrip()
+    return {"rows": [asdict(row)], "life_modes": [asdict(mode) for mode in modes], "summary": summary}
 
 
 def row_of(case: str, found: Findings, seconds: float) -> LifeRow:
@@ -202,7 +213,7 @@ def row_of(case: str, found: Findings, seconds: float) -> LifeRow:
     named = " + ".join(found.best.names) if found.verdict in ("effect-found", "ambiguous") else ""
     rivals = ", ".join(sorted({" + ".join(rival.names) for rival in found.rivals}))
     return LifeRow(
-        case=case,
+        task=case,
         hidden=HIDDEN[case].name if case in HIDDEN else "",
         verdict=found.verdict,
         named=named,
@@ -217,14 +228,39 @@ def row_of(case: str, found: Findings, seconds: float) -> LifeRow:
     )
 
 
-if __name__ == "__main__":
-    data_folder, *cases = sys.argv[1:]
-    out = Path("life_discovery")
-    out.mkdir(exist_ok=True)
-    rows, drifting = [], []
-    for one in cases or (*HIDDEN, *MEASURED):
-        row, modes = ask(one, out, Path(data_folder))
-        rows.append(asdict(row))
-        drifting += [asdict(mode) for mode in modes]
-        write_csv(Path("life_discovery.csv"), rows)
-        write_csv(Path("life_modes.csv"), drifting)
+def mechanisms_table(rows: Sequence[Row]) -> str:
+    """Which mechanism was found in each life, and how many were named rightly."""
+    columns: dict[str, Entry] = {
+        "life": "{task}",
+        "hidden": lambda row: _text(row["hidden"], "not known"),
+        "verdict": "{verdict}",
+        "named": lambda row: _text(row["named"], "none") + _text(row["rivals"], "", " or {}"),
+        "nearest": "{best}",
+        "fitted cycles": "{base_error:.1f} → {error:.1f}",
+        "later cycles": "{base_later_error:.1f} → {later_error:.1f}",
+        "processor s": "{processor_s:.0f}",
+    }
+    known = [row for row in rows if _text(row["hidden"], "")]
+    right = sum(row["verdict"] == "effect-found" and row["named"] == row["hidden"] for row in known)
+    wrong = sum(row["verdict"] == "effect-found" and row["named"] != row["hidden"] for row in known)
+    remark = (
+        f"* {right} of {len(known)} hidden mechanisms named alone, {wrong} wrong names. Errors: standard deviations."
+    )
+    return "\n\n".join([table_of(rows, columns), remark])
+
+
+def _text(field: object, empty: str, form: str = "{}") -> str:
+    """A field in some words; others where it is empty, which a table that was read has as NaN."""
+    return form.format(field) if isinstance(field, str) and field else empty
+
+
+def modes_table(rows: Sequence[Row]) -> str:
+    """How lithium, active material and resistance drift over the same lives."""
+    columns = {
+        "life": "{task}",
+        "quantity": "{quantity}",
+        "at the end (95 %)": "{value:brief} ± {half:brief}",
+        "cycle": "{cycle:.0f}",
+        "in 100 cycles (95 %)": "{per_100_cycles:brief} ± {half_per_100_cycles:brief}",
+    }
+    return table_of(rows, columns)

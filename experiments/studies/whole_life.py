@@ -1,25 +1,28 @@
-"""Measured lives forecast from their beginning: ``python -m bsa.experiments.studies.whole_life FOLDER``.
+"""``bsa bench whole-life``: measured lives forecast from their beginning.
 
 CALCE's cells CS2_35 and CS2_36 (LCO, 1.1 A h), each as ``bsa-run --life --fit-cycles`` takes it: the first cycles are
-fitted, the later ones forecast. The runs are kept in the folder ``whole_life``; an interrupted one goes on.
+fitted, the later ones forecast.
 """
 
-import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ...backends.opening import open_backend
-from ...core.files import write_csv
 from ...core.record import ReadOptions
+from ...core.task import Task
+from ..campaign.summary import Row, grouped
+from ..campaign.text_tables import Entry, brief, table_of
 from ..run import execute_run
 from ..run_record import RunRecord, read_run
 from ..run_settings import run_config
 from ..task_request import CellChoice, Records, task_of_records
 
 CELLS = ("CS2_35", "CS2_36")
+_RECORD = "calce_cs2/{}_all.csv.gz"
 FITTED, FORETOLD, EVERY = 200, 500, 50
 
 SET, MODEL, _SCAFFOLD = "Ai2020", "SPM", "ageing"
@@ -40,13 +43,29 @@ class Foretold:
     high_ah: float
 
 
-def forecast(data: Path, folder: Path) -> RunRecord:
+def record_of(cell: str, data: Path) -> Path:
+    """The whole life of one of CALCE's cells, in the folder of all records."""
+    return data.absolute() / _RECORD.format(cell)
+
+
+def items(data: Path) -> dict[str, dict[str, Any]]:
+    """What is asked of each cell."""
+    return {cell: {"cell": cell, "record": record_of(cell, data)} for cell in CELLS}
+
+
+def task_of_life(record: Path) -> Task:
+    """The task of a measured life, as ``bsa-run --life`` makes it."""
+    records = Records([record], reads=[ReadOptions(cycles=(1, FORETOLD))], fit_cycles=FITTED)
+    return task_of_records(records, CellChoice(SET, MODEL))
+
+
+def forecast(folder: Path, cell: str, record: Path) -> dict[str, Any]:
     """Fit the first cycles of a life and forecast the later ones."""
-    records = Records([data], reads=[ReadOptions(cycles=(1, FORETOLD))], fit_cycles=FITTED)
-    task = task_of_records(records, CellChoice(SET, MODEL))
     config = run_config(_SCAFFOLD, "rules", {}, {"rounds": _SIMULATIONS, "simulations": _SIMULATIONS, "seed": _SEED})
-    execute_run(task, config, folder, open_backend("rules", {}), analysing=True)
-    return read_run(folder)
+    run = folder / "run"
+    execute_run(task_of_life(record), config, run, open_backend("rules", {}), analysing=True)
+    rows = [asdict(row) for row in rows_of(cell, read_run(run))]
+    return {"rows": rows, "summary": f"{_off_pct(rows[-1]):+.1f} % off at cycle {rows[-1]['cycle']}"}
 
 
 def rows_of(cell: str, run: RunRecord) -> Iterator[Foretold]:
@@ -63,7 +82,34 @@ def rows_of(cell: str, run: RunRecord) -> Iterator[Foretold]:
         yield Foretold(cell, FITTED, cycle, float(np.nanmax(measured)), middle, middle - half, middle + half)
 
 
-if __name__ == "__main__":
-    where, out = Path(sys.argv[1]), Path("whole_life")
-    runs = {cell: forecast(where / f"{cell}_all.csv.gz", out / cell) for cell in sys.argv[2:] or CELLS}
-    write_csv(Path("whole_life.csv"), [asdict(row) for cell, run in runs.items() for row in rows_of(cell, run)])
+def forecast_table(rows: Sequence[Row]) -> str:
+    """Measured and predicted capacities, and how far off each cell is."""
+    fitted = rows[0]["fitted_to"]
+    columns: dict[str, Entry] = {
+        "cell": "{cell}",
+        "cycle": lambda row: f"{row['cycle']:.0f}" + (" (fitted)" if row["cycle"] <= fitted else ""),
+        "measured / A h": "{measured_ah:.3f}",
+        "predicted / A h": "{predicted_ah:.3f}",
+        "off by": lambda row: f"{_off_pct(row):+.1f} %",
+        "95 % band / A h": lambda row: (
+            f"{row['low_ah']:.3f} to {row['high_ah']:.3f}" + ("" if _inside(row) else ", does not hold it")
+        ),
+    }
+    told = [row for row in rows if row["cycle"] > fitted or not row["cycle"] % 100]
+    remarks = []
+    for cell, own in sorted(grouped(rows, "cell").items()):
+        later = [row for row in own if row["cycle"] > fitted]
+        off = [abs(_off_pct(row)) for row in later]
+        remarks.append(
+            f"* {cell}: {brief(off[-1])} % off at cycle {later[-1]['cycle']:.0f} (aim: 2 %), {brief(max(off))} % at "
+            f"most; the band holds {sum(map(_inside, later))} of {len(later)} cycles after the fit."
+        )
+    return "\n\n".join([table_of(told, columns), "\n".join(remarks)])
+
+
+def _off_pct(row: Row) -> float:
+    return float(100.0 * (row["predicted_ah"] / row["measured_ah"] - 1.0))
+
+
+def _inside(row: Row) -> bool:
+    return bool(row["low_ah"] <= row["measured_ah"] <= row["high_ah"])

@@ -67,7 +67,7 @@ def gpu(tiny_model, monkeypatch):
         return asked.placed
 
     monkeypatch.setattr(transformers.AutoModelForCausalLM, "from_pretrained", from_pretrained)
-    monkeypatch.setattr(loaded_model, "_accelerator", lambda: "cuda")
+    monkeypatch.setattr(loaded_model, "accelerator", lambda: "cuda")
     monkeypatch.setattr("torch.cuda.is_bf16_supported", lambda: True)
     monkeypatch.setattr(GpuMemory, "now", classmethod(lambda cls: cls(free=1e9, total=2e9)))
     monkeypatch.setenv("CUBLAS_WORKSPACE_CONFIG", "set before")

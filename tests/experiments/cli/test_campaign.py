@@ -119,3 +119,13 @@ def test_an_interrupted_grid_says_that_the_same_command_goes_on(call, monkeypatc
     shown = call("grid", "toys.yaml", "--workers", "1", code=INTERRUPTED).stderr
     assert "The same command goes on" in shown
     assert "Interrupted." not in shown
+
+
+def test_a_study_that_is_not_run_tells_its_items(call):
+    shown = call("bench", "life-discovery", "--data", "nowhere", "--dry-run").output
+    assert "life-discovery: 9 runs, 0 of them finished" in shown
+    assert "\n  diffusion\n" in shown
+    assert "nowhere/calce_cs2/CS2_35_all.csv.gz" in shown
+    assert call("bench", "whole-life", "--data", "nowhere", "--dry-run", "--only", "CS2_36").output.count("CS2_3") == 2
+    assert not Path("results").exists()
+    assert "2 cells failed: CS2_35: there is no file" in call("bench", "fade-trends", "--data", "x", code=1).stderr

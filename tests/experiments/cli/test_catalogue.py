@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from bsa.backends import gpu_memory, transformers_route
 from bsa.core.contracts.kinds import KINDS, plural
 from bsa.core.contracts.registry import installed
 from bsa.experiments.cli.catalogue import doctor
@@ -112,3 +113,13 @@ def test_the_doctor_says_whether_simulations_are_compiled(
     doctor()
     told = capsys.readouterr().out.split("\nsimulations\n")[1].splitlines()[0]
     assert " ".join(told.split()).startswith(line.strip())
+
+
+@pytest.mark.parametrize("missing", ["", "transformers"])
+def test_the_doctor_looks_for_a_gpu_where_models_can_run_in_this_process(
+    missing: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(transformers_route, "find_spec", lambda package: None if package == missing else "there")
+    monkeypatch.setattr(gpu_memory, "gpu_in_words", lambda: "GPU: any")
+    doctor()
+    assert ("\nlocal models\n  GPU: any\n" in capsys.readouterr().out) == (not missing)

@@ -9,7 +9,7 @@ from bsa.core.discovery.explanation import Explanation
 from bsa.core.discovery.findings import Findings, Gap
 from bsa.core.discovery.refit import Refit
 from bsa.core.parameters import ParameterSpace
-from bsa.experiments.studies.life_discovery import HIDDEN, make, row_of
+from bsa.experiments.studies.life_discovery import HIDDEN, MEASURED, items, make, row_of
 from bsa.plugins.effects.ageing import EFFECTS
 
 
@@ -33,3 +33,9 @@ def test_an_explanation_that_was_not_accepted_names_nothing() -> None:
     row = row_of("diffusion", Findings("unexplained", Gap(base, base, 1e-3, 1e-3), base, reason="why"), 12.0)
     assert (row.hidden, row.named, row.rivals) == ("sei-growth", "", "")
     assert (row.base_error, row.later_error) == (pytest.approx(5.0), pytest.approx(9.0))
+
+
+def test_a_measured_life_is_asked_where_its_records_are_said_to_be(tmp_path: Path) -> None:
+    assert list(items(None)) == [*HIDDEN]
+    assert list(items(tmp_path)) == [*HIDDEN, *MEASURED]
+    assert items(tmp_path)["CS2_35"]["record"] == tmp_path / "calce_cs2" / "CS2_35_all.csv.gz"

@@ -64,7 +64,7 @@ def test_the_files_are_taken_as_the_command_takes_them(monkeypatch: pytest.Monke
     monkeypatch.setattr(whole_life, "task_of_records", task_of_records)
     monkeypatch.setattr(whole_life, "execute_run", execute_run)
     with pytest.raises(Stopped):
-        forecast(Path("x.csv"), tmp_path)
+        forecast(tmp_path, "cell", Path("x.csv"))
     assert asked["sources"] == [Path("x.csv")]
     assert [read.cycles for read in asked["reads"]] == [(1, FORETOLD)]  # type: ignore[attr-defined]
     assert (asked["fit_cycles"], asked["scaffold"], asked["analysing"]) == (FITTED, "ageing", True)
