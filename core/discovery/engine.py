@@ -103,7 +103,6 @@ class Engine:
         if base.adequacy.adequate:
             of, gap = base.adequacy, self._gap(base, base)
             why = f"noise explains the residual (size p = {of.p_size:.2g}, structure p = {of.p_structure:.2g})"
-            why += RULES.not_predicted(gap)
             return Findings("no-missing-effect", gap, base, [], explanations, known.nominations, why, known.mesh_v)
         explanations = self._with_mesh_of_best(explanations)
         unfinished = bool(explanations) and not explanations[0].adequacy.adequate

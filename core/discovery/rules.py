@@ -123,23 +123,10 @@ class Rules:
         if share < 1.0 - self.left_over:
             times = found.rmse_v / gap.noise_v
             return f"explains {share:.0%} of the squared misfit only, and leaves {times:.1f} times the noise"
-        share = closed(gap.base.held_rmse_v, found.held_rmse_v, gap.held_noise_v)
-        little = self.mispredicts(gap) and share < 1.0 - self.left_over
+        held, shown = gap.base.held_rmse_v, gap.base.held_rmse_v > (1.0 + self.held_margin) * gap.held_noise_v
+        share = closed(held, found.held_rmse_v, gap.held_noise_v)
+        little = shown and share < 1.0 - self.left_over
         return f"explains {share:.0%} of the squared misfit in {self.held_words} only" * little
-
-    def mispredicts(self, gap: Gap) -> bool:
-        """Whether the base model leaves more than noise of the data not fitted."""
-        return gap.base.held_rmse_v > (1.0 + self.held_margin) * gap.held_noise_v
-
-    def not_predicted(self, gap: Gap) -> str:
-        """What a reason adds where the base model leaves noise of the records, and more of data not fitted."""
-        if not self.mispredicts(gap):
-            return ""
-        return (
-            f"; {self.held_words} are off by {1e3 * gap.base.held_rmse_v:.1f} mV, where noise is "
-            f"{1e3 * gap.held_noise_v:.1f}: something shows in them that the fitted records do not determine, and "
-            "fitted beside these they may tell what"
-        )
 
     def rivals(self, best: Explanation, others: Sequence[Explanation]) -> list[Explanation]:
         """Explanations with other names that cannot be told from the best one.

@@ -118,15 +118,6 @@ def test_two_effects_are_named_only_where_they_leave_no_more_than_noise(adequate
     assert reason == "" if adequate else reason.startswith("leaves 2.0 times the noise, and two effects are named only")
 
 
-@pytest.mark.parametrize(("held_mv", "said"), [(1.05, ""), (26.0, "; data not fitted are off by 26.0 mV")])
-def test_a_base_model_that_mispredicts_data_not_fitted_is_told_of(held_mv, said):
-    base = explanation("base", None)
-    base.held_rmse_v = 1e-3 * held_mv
-    words = RULES.not_predicted(Gap(base, base, 1e-3, 1e-3))
-    assert words.startswith(said)
-    assert bool(words) is bool(said)
-
-
 def test_who_predicts_data_not_fitted_clearly_worse_is_no_rival():
     best, other = explanation("one", None), explanation("other", None)
     assert RULES.rivals(best, [other]) == [other]
