@@ -31,6 +31,10 @@ _MOMENTS = 8
 _SINGLE = 5
 """Samples after a current step that stand alone: what happens there happens fast."""
 
+_PARTS = 12
+"""Parts of the charge of a varying current between which the slope of its voltage is taken: some minutes each, over
+which a drive cycle's currents average out, and as many as the averages of the shortest step."""
+
 _BY_STRETCH = ("time", "current", "voltage", "sigma", "count", "step", "cycle", "since", "charge")
 """Fields of `Observations` that have an entry for each stretch; the temperature, where it was measured, has too."""
 
@@ -97,7 +101,8 @@ def observe(measured_record: MeasuredRecord, points: int = 500, floor_v: float =
     clock = np.array([float(np.sqrt(np.mean(jitter[group] ** 2) / len(group))) for group in groups])
     charge = np.interp(mean(record.time), record.time, record.discharge_capacity)
     voltage = mean(record.voltage)
-    knee = CHARGE_SHARE * _steepness(charge, voltage, index) * max(float(np.ptp(charge)), 1e-9)
+    driven = np.array([step.kind is StepKind.DRIVE for step in record.steps])[index]
+    knee = CHARGE_SHARE * _steepness(charge, voltage, index, driven) * max(float(np.ptp(charge)), 1e-9)
     clocked = after_jumps(record)
     time = np.minimum(mean(clocked), record.time[-1])
     return Observations(
@@ -155,11 +160,14 @@ def _moments(record: Trajectory, taken: FloatArray, groups: Sequence[NDArray[np.
     )
 
 
-def _steepness(charge: FloatArray, voltage: FloatArray, steps: NDArray[np.intp]) -> FloatArray:
+def _steepness(
+    charge: FloatArray, voltage: FloatArray, steps: NDArray[np.intp], driven: NDArray[np.bool_]
+) -> FloatArray:
     """Slope of voltage with charge (V/A.h) beyond three times what is usual in the record; 0 elsewhere and at rest.
 
     At the end of a discharge a cell loses a volt within a percent of its charge: there the vertical distance of
-    two curves measures an error of capacity, many times over.
+    two curves measures an error of capacity, many times over. Of a varying current, whose ``driven`` samples differ by
+    their currents much more than by their charge, the slope is that of the means of longer parts.
     """
     slope = np.zeros_like(charge)
     usual: list[float] = []
@@ -173,9 +181,24 @@ def _steepness(charge: FloatArray, voltage: FloatArray, steps: NDArray[np.intp])
         drawn, first, copies = np.unique(charge[here], return_index=True, return_inverse=True)
         if len(drawn) < 2:
             continue
-        slope[here] = np.abs(np.gradient(voltage[here][first], drawn))[copies]
+        if driven[here[0]]:
+            slope[here] = _slope_of_parts(charge[here], voltage[here])
+        else:
+            slope[here] = np.abs(np.gradient(voltage[here][first], drawn))[copies]
         usual += list(slope[here])
     return np.maximum(slope - 3 * float(np.median(usual)), 0.0) if usual else slope
+
+
+def _slope_of_parts(charge: FloatArray, voltage: FloatArray) -> FloatArray:
+    """Size of the slope of voltage with charge at each sample, between the means of equal parts of the charge drawn."""
+    edges = np.linspace(np.min(charge), np.max(charge), _PARTS + 1)[1:-1]
+    part = np.searchsorted(edges, charge)
+    filled, place = np.unique(part, return_inverse=True)
+    if len(filled) < 2:
+        return np.zeros_like(charge)
+    samples = np.bincount(place)
+    drawn, mean = (np.bincount(place, values) / samples for values in (charge, voltage))
+    return np.asarray(np.abs(np.gradient(mean, drawn))[place])
 
 
 def after_jumps(record: Trajectory) -> FloatArray:

@@ -72,6 +72,20 @@ def test_a_knee_counts_less_however_often_its_end_is_logged(logged_twice):
     assert observed.sigma[discharge[-1]] > 10 * np.median(observed.sigma[discharge])
 
 
+def test_a_varying_current_is_no_knee():
+    """Its samples differ by their currents: voltage over charge, from one to the next, gave deviations of a volt."""
+    time, rng = np.arange(1800.0), np.random.default_rng(0)
+    current = np.repeat(rng.normal(1.0, 1.0, 180), 10)
+    drawn = np.cumsum(current) / 3600.0
+    voltage = 4.0 - 0.3 * drawn - 0.05 * current + rng.normal(0.0, 5e-4, 1800)
+    drive = (Step(StepKind.DRIVE, 0, 1800, 1),)
+    usual = observe(MeasuredRecord("drive", Trajectory(time, current, voltage, None, drive)), points=300)
+    assert np.max(usual.sigma) < 0.01
+    empty = voltage - np.exp((drawn - drawn[-1]) / 0.02)
+    knee = observe(MeasuredRecord("drive", Trajectory(time, current, empty, None, drive)), points=300)
+    assert np.median(knee.sigma[-5:]) > 5 * np.median(usual.sigma)
+
+
 @pytest.mark.parametrize("kind", [StepKind.REST, StepKind.DRIVE])
 def test_samples_that_no_instrument_took_are_not_observed(kind):
     record = emptying()
