@@ -32,7 +32,7 @@ def _measured(results: Results) -> str:
     return (
         f"* On {cells} measured cells of public data sets, started from literature sets, voltage under the measured "
         f"current; {'; '.join(parts)}. Cell by cell, with what is still wrong: "
-        "[docs/real-cells.md](docs/real-cells.md)."
+        "[docs/real-cells-results.md](docs/real-cells-results.md)."
     )
 
 

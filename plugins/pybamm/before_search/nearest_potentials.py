@@ -22,7 +22,7 @@ from ..cells.state_of_charge import initial_concentration, maximum_concentration
 _FASTEST_HOURS = 0.7
 """Length of a charge or discharge from which it tells whose potentials a cell has where none is slow, h. Six records at
 C/2 and 1C of five measured cells come out with a positive electrode of their own chemistry, at 2C one of two does
-(docs/real-cells.md)."""
+(docs/real-cells-results.md)."""
 
 _POINTS = 200
 """Points of a step, at equal charges."""
