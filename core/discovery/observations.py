@@ -177,25 +177,25 @@ def _steepness(
             continue
         # The first samples of a step fall for another reason.
         here = here[6:]
-        # A cycler logs the end of a step once more where a sample is due.
-        drawn, first, copies = np.unique(charge[here], return_index=True, return_inverse=True)
-        if len(drawn) < 2:
+        if np.ptp(charge[here]) == 0.0:
             continue
-        if driven[here[0]]:
-            slope[here] = _slope_of_parts(charge[here], voltage[here])
-        else:
-            slope[here] = np.abs(np.gradient(voltage[here][first], drawn))[copies]
+        slope_of = _slope_of_parts if driven[here[0]] else _slope_of_samples
+        slope[here] = slope_of(charge[here], voltage[here])
         usual += list(slope[here])
     return np.maximum(slope - 3 * float(np.median(usual)), 0.0) if usual else slope
+
+
+def _slope_of_samples(charge: FloatArray, voltage: FloatArray) -> FloatArray:
+    """Size of the slope of voltage with charge at each sample, from its neighbours."""
+    # A cycler logs the end of a step once more where a sample is due.
+    drawn, first, copies = np.unique(charge, return_index=True, return_inverse=True)
+    return np.asarray(np.abs(np.gradient(voltage[first], drawn))[copies])
 
 
 def _slope_of_parts(charge: FloatArray, voltage: FloatArray) -> FloatArray:
     """Size of the slope of voltage with charge at each sample, between the means of equal parts of the charge drawn."""
     edges = np.linspace(np.min(charge), np.max(charge), _PARTS + 1)[1:-1]
-    part = np.searchsorted(edges, charge)
-    filled, place = np.unique(part, return_inverse=True)
-    if len(filled) < 2:
-        return np.zeros_like(charge)
+    place = np.unique(np.searchsorted(edges, charge), return_inverse=True)[1]
     samples = np.bincount(place)
     drawn, mean = (np.bincount(place, values) / samples for values in (charge, voltage))
     return np.asarray(np.abs(np.gradient(mean, drawn))[place])

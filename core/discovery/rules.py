@@ -101,8 +101,7 @@ class Rules:
         if not (found.settled or self.explains_all(found) or margin > self.far_ahead):
             return "its fit did not converge"
         if len(found.effects) > 1 and not self.explains_all(found):
-            times = found.rmse_v / gap.noise_v
-            return f"leaves {times:.1f} times the noise, and two effects are named only where they leave noise alone"
+            return f"{_left_in_words(found, gap)}, and two effects are named only where they leave noise alone"
         # A base model with parameters far from their priors may come as near to the voltage; BIC counts the priors.
         # A temperature predicted clearly better, which no fit was shown, then stands for the gap that it hides.
         warm = self.predicts_temperature(found, base)
@@ -121,8 +120,7 @@ class Rules:
             return ""
         share = closed(gap.nearest.rmse_v, found.rmse_v, gap.noise_v)
         if share < 1.0 - self.left_over:
-            times = found.rmse_v / gap.noise_v
-            return f"explains {share:.0%} of the squared misfit only, and leaves {times:.1f} times the noise"
+            return f"explains {share:.0%} of the squared misfit only, and {_left_in_words(found, gap)}"
         held, shown = gap.base.held_rmse_v, gap.base.held_rmse_v > (1.0 + self.held_margin) * gap.held_noise_v
         share = closed(held, found.held_rmse_v, gap.held_noise_v)
         little = shown and share < 1.0 - self.left_over
@@ -180,13 +178,17 @@ class Rules:
         equal = self.rivals(best, [e for e in needed if e is not best])
         reason = f"{best.label} beats {self.base_words} by {bic_difference(base, best):.0f} in BIC"
         if not self.explains_all(best):
-            reason += f" and leaves {best.rmse_v / gap.noise_v:.1f} times the noise: something else may be missing too"
+            reason += f" and {_left_in_words(best, gap)}: something else may be missing too"
             reason += ", and the values found may compensate for it"
         if not (best.settled or self.explains_all(best)):
             reason += "; its fit did not converge, and its intervals may be too narrow"
         if equal:
             reason += f"; not to be told from {', '.join(e.label for e in equal)}"
         return Findings("ambiguous" if equal else "effect-found", gap, best, equal, explanations, reason=reason)
+
+
+def _left_in_words(found: Explanation, gap: Gap) -> str:
+    return f"leaves {found.rmse_v / gap.noise_v:.1f} times the noise"
 
 
 RULES = Rules()
