@@ -56,7 +56,7 @@ simulated record matches a measured one: the durations of the steps, the capacit
 fit a gentler cell first (a failing or vanished step comes back), then return. "reduce_rate_percent" below 100 lowers \
 the currents until the cell runs and raises them again; "reduce_cycles" fits the record's first cycles before all.""",
     start_of_next="from a fully charged cell",
-    accuracy="PyBaMM's standard mesh and tight tolerances",
+    accuracy="PyBaMM's number of mesh points and tight tolerances",
     search_accuracy="Errors during the search come from the search mesh and may differ slightly from the final scores "
     "above.",
     sign_note="Current is positive on discharge.",

@@ -37,7 +37,7 @@ class Domain:
     start_of_next : str
         The state from which a suggested further record starts: ``"from a fully charged cell"``.
     accuracy : str
-        What the simulator's reference accuracy is: ``"PyBaMM's standard mesh and tight tolerances"``.
+        What the simulator's reference accuracy is: ``"PyBaMM's number of mesh points and tight tolerances"``.
     search_accuracy : str
         How the search's simulations differ from that.
     sign_note : str

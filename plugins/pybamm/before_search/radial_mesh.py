@@ -1,6 +1,6 @@
 """How many mesh points a particle needs.
 
-PyBaMM's 20, finer towards the surface, are enough where the diffusivity varies little. Where it varies by decades, its
+The usual 40, finer towards the surface, are enough where the diffusivity varies little. Where it varies by decades, its
 harmonic mean between two cells is that of the slower one, and a front is held up at every cell: O'Regan's graphite
 (`ORegan2022`) at 2C is half a volt and a third of its capacity short on 20 points. No correction of a fit makes up for
 that, so the mesh is settled before anything is fitted.
@@ -19,7 +19,7 @@ from ....core.trajectory import FloatArray
 from ..modelling.resolution import Resolution
 from ..solving.driven_cell import FINE, SEARCH, DrivenCell
 
-_POINTS = (20, 40, 80, 160)
+_POINTS = (40, 80, 160)
 _SHIFT_V = 1e-2
 """What twice as many points may change, V: less is corrected for after the base fit."""
 
@@ -31,19 +31,19 @@ _UNKNOWN_SOC = 0.9
 class RadialMesh:
     """Mesh and tolerances that resolve the particles."""
 
-    # usual, fine: For a search, and for the check on it. PyBaMM's number of radial points, and twice as many, where
+    # usual, fine: For a search, and for the check on it. The usual number of radial points, and twice as many, where
     # these are enough.
     usual: Resolution
     fine: Resolution
-    shift_v: float  # What twice PyBaMM's points change, V (root mean square); infinite if it could not be simulated.
+    shift_v: float  # What twice the usual points change, V (root mean square); infinite if it could not be simulated.
 
     @property
     def note(self) -> str:
-        """In words, what was chosen; empty where PyBaMM's own mesh is enough."""
-        if self.usual.radial_points is None:
+        """In words, what was chosen; empty where the usual mesh is enough."""
+        if self.usual == SEARCH:
             return ""
         first, second = _POINTS[:2]
-        moved = f"from PyBaMM's {first} to {second} the voltage moves by {1e3 * self.shift_v:.0f} mV"
+        moved = f"from {first} to {second} the voltage moves by {1e3 * self.shift_v:.0f} mV"
         return f"{self.usual.radial_points} mesh points resolve each particle: {moved}"
 
 

@@ -77,6 +77,7 @@ def script(
         tables=tables,
         spectra=any(experiment.is_spectrum for experiment in task.experiments),
         double_layers=DOUBLE_LAYERS,
+        resolution=REFERENCE.graded(),
         rtol=REFERENCE.rtol,
         atol=REFERENCE.atol,
         max_solver_steps=_MAX_SOLVER_STEPS,

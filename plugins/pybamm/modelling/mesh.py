@@ -12,19 +12,18 @@ from .resolution import Resolution
 def submeshes(model: Any, resolution: Resolution) -> dict[str, Any]:
     """The model's submeshes as a resolution asks for them: uniform ones made symbolic, unless a standard mesh is asked.
 
-    Of a standard mesh those of particles are finer towards the surface as far as the resolution asks, and those of
-    particle sizes are symbolic in any case: an effect may search their range.
+    Those of particles are finer towards the surface as far as the resolution asks. Those of particle sizes are symbolic
+    in any case: an effect may search their range.
     """
 
     def chosen(domain: str, submesh: Any) -> Any:
         if submesh is not pybamm.Uniform1DSubMesh:
             return submesh
-        if not resolution.standard_mesh or domain.endswith("particle size"):
-            return pybamm.SymbolicUniform1DSubMesh
+        symbolic = not resolution.standard_mesh
         if resolution.radial_stretch and domain.endswith("particle"):
-            finer = {"side": "right", "stretch": resolution.radial_stretch}
-            return pybamm.MeshGenerator(pybamm.Exponential1DSubMesh, finer)
-        return submesh
+            graded = SymbolicExponential1DSubMesh if symbolic else pybamm.Exponential1DSubMesh
+            return pybamm.MeshGenerator(graded, {"side": "right", "stretch": resolution.radial_stretch})
+        return pybamm.SymbolicUniform1DSubMesh if symbolic or domain.endswith("particle size") else submesh
 
     return {domain: chosen(domain, submesh) for domain, submesh in model.default_submesh_types.items()}
 
@@ -35,6 +34,17 @@ def search_spatial_methods(model: Any) -> dict[str, Any]:
         domain: SymbolicFiniteVolume(method.options) if type(method) is pybamm.FiniteVolume else method
         for domain, method in model.default_spatial_methods.items()
     }
+
+
+class SymbolicExponential1DSubMesh(pybamm.SymbolicUniform1DSubMesh):  # type: ignore[misc]
+    """``pybamm.Exponential1DSubMesh`` with a length that is a symbol: its edges are shares of that length."""
+
+    def __init__(self, lims: dict[Any, Any], npts: dict[str, int], **shape: Any) -> None:
+        super().__init__(dict(lims), npts)
+        (variable,) = (name for name in lims if name != "tabs")
+        shares = pybamm.Exponential1DSubMesh({variable: {"min": 0.0, "max": 1.0}}, npts, **shape)
+        self.edges, self.nodes = shares.edges, shares.nodes
+        self.d_edges, self.d_nodes = shares.d_edges, shares.d_nodes
 
 
 class SymbolicFiniteVolume(pybamm.FiniteVolume):  # type: ignore[misc]

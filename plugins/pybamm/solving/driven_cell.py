@@ -41,18 +41,11 @@ _Part = tuple[FloatArray, FloatArray, FloatArray]
 
 _OUTPUTS = ("Voltage [V]", "Volume-averaged cell temperature [K]")
 
-SEARCH = Resolution(standard_mesh=True, radial_stretch=2.0)
-"""For a discovery, whose base parameters change no length of the mesh.
+SEARCH = Resolution(standard_mesh=True).graded()
+"""For a discovery, whose base parameters change no length of the mesh."""
 
-What a changed current does in its first seconds happens in a fraction of PyBaMM's outermost radial cell, half of which
-then acts as a resistance. On Chen2020, Marquis2019, Mohtat2020 and OKane2022 at 25 degC, 20 uniform points are 0.4 to
-1.2 mV (rms) from 160 in fast discharges, and 0.8 to 5.1 mV in drive cycles. With this stretch both are 0.1 to 0.9 mV;
-with 1.5 or 2.5, 0.05 to 1.5 mV.
-"""
-
-FINE = replace(UNIFORM_FINE, radial_stretch=SEARCH.radial_stretch)
+FINE = UNIFORM_FINE.graded()
 """Twice the points of that; see `resolution.FINE`."""
-
 
 _CONSISTENT_START = {"max_num_jacobians_ic": 4}
 """How long potentials that are consistent with a new current are sought: as long as SUNDIALS does of itself. PyBaMM

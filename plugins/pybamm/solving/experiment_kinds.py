@@ -26,7 +26,7 @@ def solve_reference(
     resolution: Resolution = REFERENCE,
     on_step: Callable[[str, int], None] | None = None,
 ) -> ExperimentRun:
-    """Simulate a changed cell on PyBaMM's standard mesh at tight tolerance, built for it alone, every cycle of it."""
+    """Simulate a changed cell at tight tolerance, built for it alone, all cycles; a protocol on PyBaMM's mesh."""
     if experiment.long:
         return LongExperiment(cell, experiment, {}, resolution, baked=change, leave_out=False).solve({}, on_step)
     return _kind(experiment)(cell, experiment, {}, resolution, baked=change).solve({}, on_step)

@@ -38,7 +38,7 @@ class SpectrumExperiment:
     ) -> None:
         self._record = experiment.target
         charged = replace(cell, options={**cell.options, **DOUBLE_LAYERS})
-        self._cell = CompiledCell(charged, targets, start_of(experiment), resolution, baked)
+        self._cell = CompiledCell(charged, targets, start_of(experiment), resolution.graded(), baked)
         self._simulation: Any = self._cell.impedance()
 
     def solve(self, candidate: Candidate, on_step: Callable[[str, int], None] | None = None) -> ExperimentRun:

@@ -208,7 +208,7 @@ def test_the_mesh_that_an_effect_asks_for_is_in_the_script():
     experiment = Experiment("short", NOTHING, (("Discharge at 1C for 1 minute",),))
     space = ParameterSpace(tuple(parameter for effect in effects for parameter in effect.searched))
     text = script(Task("export", cell, space, (experiment,)), {"particle-size-distribution: deviation": 0.3}, effects)
-    assert 'var_pts={**new.default_var_pts, **{"R_n": 10, "R_p": 10}}' in text
+    assert 'effects = {"R_n": 10, "R_p": 10}' in text
 
 
 def largest_difference(time, values, reference_time, reference):

@@ -9,7 +9,7 @@ from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.pybamm.cells.parameter_sets import pybamm
 from bsa.plugins.pybamm.modelling import drive
 from bsa.plugins.pybamm.modelling.resolution import Resolution
-from bsa.plugins.pybamm.solving.driven_cell import Pause
+from bsa.plugins.pybamm.solving.driven_cell import DrivenCell, Pause
 from bsa.plugins.pybamm.solving.driven_experiment import DrivenExperiment, _in_words
 from bsa.plugins.pybamm.solving.experiment_kinds import compiled, solve_reference
 
@@ -185,7 +185,7 @@ def test_a_drive_cycle_is_followed_from_sample_to_sample() -> None:
     assert ours.failure is None
     assert ours.trajectory is not None
     assert theirs.trajectory is not None
-    assert 1e3 * np.max(np.abs(ours.trajectory.voltage - theirs.trajectory.voltage)) < 0.1
+    assert 1e3 * np.max(np.abs(ours.trajectory.voltage - theirs.trajectory.voltage)) < 0.2
     # What is ohmic follows each sample at once.
     jumps = np.abs(np.diff(current)) > 1.0
     change = np.diff(ours.trajectory.voltage)[jumps] / np.diff(current)[jumps]
@@ -204,3 +204,23 @@ def test_the_words_of_a_limit_count_further_times_and_name_a_clear_lack_of_charg
     assert _in_words((late, goes_on), record) == _in_words((late,), record)
     (early,) = _in_words((Pause(1800.0, 3600.0, True),), record)
     assert early.endswith("at 1,800 s of 4,200 s, after 2.5 A.h; the record draws 5.01 A.h, 2 times as much")
+
+
+def test_the_first_seconds_after_a_changed_current_are_resolved_with_lengths_that_are_searched_too() -> None:
+    # 100 s of rest and 20 s of 2C, sampled every 0.5 s.
+    time = np.arange(0.0, 120.5, 0.5)
+    current = np.where(time > 100.0, 10.0, 0.0)
+    steps = (Step(StepKind.REST, 0, 201), Step(StepKind.CC_DISCHARGE, 201, 241))
+    pulse = Experiment("pulse", Trajectory(time, current, np.full(241, 3.8), None, steps), initial_soc=0.5)
+    slow = CellModel("Chen2020", "SPM", overrides={"Positive particle diffusivity [m2.s-1]": 1e-15})
+    resolved = DrivenCell(
+        slow, (), pulse.target, {}, resolution=Resolution(1e-6, radial_points=200, standard_mesh=True)
+    ).solve({}, time, current, 0.5)
+    assert resolved is not None
+    radius, value = "Positive particle radius [m]", 5.22e-6
+    runs = [compiled(slow, pulse, {radius: target_named(radius)}).solve({radius: value})]
+    runs.append(solve_reference(slow, pulse, CellChange(values={radius: value})))
+    for run in runs:
+        assert run.trajectory is not None
+        # On PyBaMM's 20 uniform points it is 39 mV.
+        assert np.max(np.abs(run.trajectory.voltage - resolved.voltage)[202:]) < 2.5e-3

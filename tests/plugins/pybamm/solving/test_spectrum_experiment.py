@@ -54,13 +54,15 @@ def test_what_a_candidate_changes_shows_in_its_impedance() -> None:
         assert found == pytest.approx(impedance(alone), abs=1e-8)
 
 
-def test_a_spectrum_is_that_of_pybamm_itself_at_the_state_of_charge_of_its_voltage() -> None:
+def test_a_spectrum_is_that_of_pybamm_with_resolved_particles_at_the_state_of_charge_of_its_voltage() -> None:
     model = pybamm.lithium_ion.SPM({"surface form": "differential"})
     values = pybamm.ParameterValues("Chen2020")
-    pybamm_alone = pybamm.EISSimulation(model, parameter_values=values)
+    points = {**model.default_var_pts, "r_n": 400, "r_p": 400}
+    pybamm_alone = pybamm.EISSimulation(model, parameter_values=values, var_pts=points)
     expected = pybamm_alone.solve(FREQUENCY, initial_soc="3.8 V")["Impedance [Ohm]"]
     plain = CellModel("Chen2020", "SPM")
-    assert impedance(solve_reference(plain, experiment(), CellChange())) == pytest.approx(expected, rel=1e-4)
+    # 5 % with PyBaMM's 20 uniform points.
+    assert impedance(solve_reference(plain, experiment(), CellChange())) == pytest.approx(expected, rel=5e-3)
 
 
 def test_a_state_of_charge_can_be_given_and_one_that_cannot_be_is_a_failure() -> None:
