@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, Field, model_validator
+from scipy.constants import zero_Celsius
 
 from ..core.discovery.findings import Settings
 from ..core.discovery.observations import FLOOR_V
@@ -299,7 +300,7 @@ def _request(options: DiscoverOptions, file: RecordFile, soc: float | None = Non
     from .tasks.record_request import RecordRequest, source_of
 
     ambient_c = file.read.ambient_c if options.ambient_c is None else options.ambient_c
-    temperature_k = None if ambient_c is None else ambient_c + 273.15
+    temperature_k = None if ambient_c is None else ambient_c + zero_Celsius
     source = source_of(file.files, file.read, file.reader, file.reader_options)
     asked = RecordRequest(
         source, file.read, file.reader, file.reader_options, initial_soc=soc, temperature_k=temperature_k

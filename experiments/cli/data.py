@@ -153,6 +153,8 @@ def _contents(
 
 
 def _spectrum_content(found: ImpedanceSpectrum) -> dict[str, Any]:
+    from scipy.constants import zero_Celsius
+
     return {
         "kind": "impedance spectrum",
         "name": found.name,
@@ -161,7 +163,7 @@ def _spectrum_content(found: ImpedanceSpectrum) -> dict[str, Any]:
         "imaginary_ohm": found.impedance.imag.tolist(),
         "ohmic_ohm": found.ohmic_resistance,
         "voltage": found.voltage,
-        "temperature_c": None if found.temperature_k is None else found.temperature_k - 273.15,
+        "temperature_c": None if found.temperature_k is None else found.temperature_k - zero_Celsius,
         "problems": found.notes,
     }
 

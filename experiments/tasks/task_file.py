@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel, Field, model_validator
+from scipy.constants import zero_Celsius
 
 from ...core.encoding import decode_task
 from ...core.errors import BsaError
@@ -24,8 +25,6 @@ from .signal_task_file import load_signal_task
 
 SUFFIXES = (*YAML_SUFFIXES, ".json")
 """Endings of task files."""
-
-ZERO_CELSIUS_K = 273.15
 
 
 class ExperimentEntry(BaseModel, extra="forbid"):
@@ -145,7 +144,7 @@ def _request(entry: ExperimentEntry, folder: Path) -> RecordRequest:
         scored_cycle=entry.scored_cycle,
         detailed_cycles=entry.detailed_cycles,
         fit_cycles=entry.fit_cycles,
-        temperature_k=None if entry.temperature_degc is None else entry.temperature_degc + ZERO_CELSIUS_K,
+        temperature_k=None if entry.temperature_degc is None else entry.temperature_degc + zero_Celsius,
         initial_soc=entry.initial_soc,
     )
 
