@@ -5,6 +5,7 @@ from __future__ import annotations
 import filecmp
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -231,64 +232,61 @@ def read_case(options: DiscoverOptions) -> Case:
     """Read the records and settle the base model: size, ambient temperature, initial states of charge."""
     from ..plugins.pybamm.cells.model_options import in_pybamm_spelling
     from .tasks.cell_for_records import ISOTHERMAL, THERMAL
+    from .tasks.measured_cell import CellRequest
     from .tasks.parameter_source import parameter_source
-    from .tasks.records import build_task
+    from .tasks.records import measured_experiments
 
     fitted = [named for file, soc in _started(options) for named in _parts(options, file, soc)]
     held = [named for file in options.holdout for named in _parts(options, file)]
-    task = build_task(
-        "discover",
+    wanted = CellRequest(
         parameter_source(options.parameters),
-        [request for _, request in (*fitted, *held)],
         options.model,
         # Whether heat is missing is for the discovery to find.
         {THERMAL: ISOTHERMAL, **options.options},
         options.overrides,
-        search={"Negative particle radius [m]": {"factors": [0.5, 2.0]}},  # a task must search something; not used
+        search={},  # what is uncertain is the discovery's own
         scale_to_capacity=options.scale,
     )
+    found = measured_experiments(wanted, [request for _, request in (*fitted, *held)])
     names = _told_apart([name for name, _ in (*fitted, *held)])
     measured_records = [
         MeasuredRecord(name, experiment.target, experiment.temperature_k, experiment.initial_temperature_k)
-        for name, experiment in zip(names, task.experiments, strict=True)
+        for name, experiment in zip(names, found.experiments, strict=True)
     ]
-    starts = {s.name: e.initial_soc for s, e in zip(measured_records, task.experiments, strict=True)}
-    count = len(fitted)
+    starts = {s.name: e.initial_soc for s, e in zip(measured_records, found.experiments, strict=True)}
+    count, base = len(fitted), found.cell.model
     # A calibration task may add options for what it searches; here the base model is what was asked for.
-    fixed = {
-        name: value for name, value in task.cell.overrides.items() if name not in _ADDED or name in options.overrides
-    }
-    cell = CellModel(task.cell.parameter_set, options.model, in_pybamm_spelling(options.options), fixed)
+    fixed = {name: value for name, value in base.overrides.items() if name not in _ADDED or name in options.overrides}
     return Case(
-        cell,
+        CellModel(base.parameter_set, options.model, in_pybamm_spelling(options.options), fixed),
         tuple(measured_records[:count]),
         tuple(measured_records[count:]),
         {name: soc for name, soc in starts.items() if soc is not None},
-        _with_notes(options, task).notes,
+        _said_once(options.notes, found.notes, found.start_notes),
     )
 
 
 def read_life(options: DiscoverOptions) -> Task:
     """Read a life: the task of matching all of its cycles by a cell that does not age."""
+    from .tasks.measured_cell import CellRequest
     from .tasks.parameter_source import parameter_source
     from .tasks.records import build_task
 
     ((file, soc),) = _started(options)
-    task = build_task(
-        file.path.stem,
+    wanted = CellRequest(
         parameter_source(options.parameters),
-        [_request(options, file, soc).as_life()],
         options.model,
         {"SEI": "none", **options.options},
         options.overrides,
         scale_to_capacity=options.scale,
     )
-    return _with_notes(options, task)
+    task = build_task(file.path.stem, wanted, [_request(options, file, soc).as_life()])
+    return replace(task, notes=_said_once(options.notes, task.notes))
 
 
-def _with_notes(options: DiscoverOptions, task: Task) -> Task:
-    """The task with the notes of records that were read already; what their files show again is said once."""
-    return replace(task, notes=tuple(dict.fromkeys((*options.notes, *task.notes))))
+def _said_once(*notes: Sequence[str]) -> tuple[str, ...]:
+    """Notes of records that were read already, and what their files show: what both have is said once."""
+    return tuple(dict.fromkeys(chain(*notes)))
 
 
 def _started(options: DiscoverOptions) -> list[tuple[RecordFile, float | None]]:

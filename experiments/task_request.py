@@ -129,17 +129,16 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
 
     Raises `BsaError` if no parameter set is given, or a record, a set or a parameter makes no sense.
     """
+    from .tasks.measured_cell import CellRequest
     from .tasks.parameter_source import parameter_source, read_finished, start_from, with_its_space
     from .tasks.records import build_task
 
-    requests = records.requests()
+    requests, held_out = records.requests(), records.held_out_requests()
+    name = named_after([request.source for request in requests])
     asked: dict[str, Any] = {
-        "name": named_after([request.source for request in requests]),
-        "records": requests,
-        "held_out": records.held_out_requests(),
+        "search": cell.search or ("life" if records.lives else "cell"),
         "scale_to_capacity": cell.scale,
         "ocp": cell.ocp,
-        "search": cell.search or ("life" if records.lives else "cell"),
     }
     if cell.start_from is not None:
         if cell.parameters is not None:
@@ -150,10 +149,8 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
         base, overrides = start_from(run, cell.search)
         begun = run.task.cell
         model, options = cell.model or begun.model, {**begun.options, **cell.options}
-        effects = cell.effects or begun.effects
-        task = build_task(
-            parameter_set=base, overrides=overrides, model=model, options=options, effects=effects, **asked
-        )
+        wanted = CellRequest(base, model, options, overrides, effects=cell.effects or begun.effects, **asked)
+        task = build_task(name, wanted, requests, held_out)
         return task if cell.search is not None else with_its_space(task, run, bool(records.initial_soc))
     if cell.parameters is None:
         raise BsaError(
@@ -162,5 +159,5 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
             "nearest with a discharge at 1C or slower; bsa list parameters shows all sets.",
         )
     source = parameter_source(cell.parameters)
-    model = cell.model or "DFN"
-    return build_task(parameter_set=source, model=model, options=cell.options, effects=cell.effects, **asked)
+    wanted = CellRequest(source, cell.model or "DFN", cell.options, effects=cell.effects, **asked)
+    return build_task(name, wanted, requests, held_out)

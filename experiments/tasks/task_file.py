@@ -19,6 +19,7 @@ from ...core.task import Task, Weight
 from ...core.validation import validated
 from ...core.yaml_text import YAML_SUFFIXES, read_yaml
 from .influence import without_use
+from .measured_cell import CellRequest
 from .record_request import RecordRequest, source_of
 from .records import build_task
 from .signal_task_file import load_signal_task
@@ -115,18 +116,17 @@ def task_from(content: TaskFile, folder: Path) -> Task:
 
     Raises `BsaError` if a record, a parameter set or a parameter does not exist or makes no sense.
     """
-    task = build_task(
-        name=content.name,
-        parameter_set=content.parameter_set,
-        model=content.model,
-        options=content.options,
-        overrides=content.overrides,
-        search=content.search,
+    cell = CellRequest(
+        content.parameter_set,
+        content.model,
+        content.options,
+        content.overrides,
+        content.search,
         ocp=content.ocp,
         effects=content.effects,
-        records=[_request(entry, folder) for entry in content.experiments],
-        held_out=[_request(entry, folder) for entry in content.held_out],
     )
+    records = [_request(entry, folder) for entry in content.experiments]
+    task = build_task(content.name, cell, records, [_request(entry, folder) for entry in content.held_out])
     notes = (*task.notes, *without_use(task.cell, content.overrides))
     return replace(task, weight=content.weight, notes=notes)
 
