@@ -31,20 +31,27 @@ _UNKNOWN_SOC = 0.9
 class RadialMesh:
     """Mesh and tolerances that resolve the particles."""
 
-    # usual, fine: For a search, and for the check on it. PyBaMM's number of radial points, and twice as many, where
-    # these are enough.
-    usual: Resolution
-    fine: Resolution
+    radial_points: int | None  # In each particle; None where PyBaMM's own number is enough.
     shift_v: float  # What twice PyBaMM's points change, V (root mean square); infinite if it could not be simulated.
+
+    @property
+    def usual(self) -> Resolution:
+        """For a search."""
+        return replace(SEARCH, radial_points=self.radial_points)
+
+    @property
+    def fine(self) -> Resolution:
+        """For the check on a search, with twice as many points."""
+        return FINE if self.radial_points is None else replace(FINE, radial_points=2 * self.radial_points)
 
     @property
     def note(self) -> str:
         """In words, what was chosen; empty where PyBaMM's own mesh is enough."""
-        if self.usual.radial_points is None:
+        if self.radial_points is None:
             return ""
         first, second = _POINTS[:2]
         moved = f"from PyBaMM's {first} to {second} the voltage moves by {1e3 * self.shift_v:.0f} mV"
-        return f"{self.usual.radial_points} mesh points resolve each particle: {moved}"
+        return f"{self.radial_points} mesh points resolve each particle: {moved}"
 
 
 def radial_mesh(
@@ -80,6 +87,4 @@ def radial_mesh(
             break
         chosen, coarse = finer, fine
     shift_v = shifts[0] if shifts else np.inf
-    if chosen == _POINTS[0]:
-        return RadialMesh(SEARCH, FINE, shift_v)
-    return RadialMesh(replace(SEARCH, radial_points=chosen), replace(FINE, radial_points=2 * chosen), shift_v)
+    return RadialMesh(None if chosen == _POINTS[0] else chosen, shift_v)
