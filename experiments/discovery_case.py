@@ -24,6 +24,7 @@ from ..core.target import CyclableLithium, Factor, Value, factor_name, target_na
 from ..core.task import CellModel, ParameterSource, Task
 from ..core.validation import validated
 from ..core.yaml_text import YAML_SUFFIXES, read_yaml
+from .file_reading import FileReading
 from .run_names import named_after, numbered_folder
 from .task_request import Records
 from .tasks.influence import no_influence
@@ -53,6 +54,11 @@ class RecordFile(BaseModel, extra="forbid"):
     def files(self) -> list[Path]:
         """All of its files."""
         return [self.path, *self.joined]
+
+    @property
+    def reading(self) -> FileReading:
+        """How they are read."""
+        return FileReading(self.read, self.reader, self.reader_options)
 
 
 class Uncertainty(BaseModel, extra="forbid"):
@@ -127,12 +133,13 @@ def discover_options(
         _check_life(records, others)
     folder = out or numbered_folder(Path("runs"), f"{named_after(records.sources[:1])}-discover")
     check_run_folder(folder)
-    how = {"reader": records.reader, "reader_options": records.reader_options}
     count, reads = len(records.sources), records.each_read()
     if records.joined:
         reads = [reads[0]] * count + reads[1:]
     files: list[dict[str, Any]] = [
-        {"path": _written(one, number, folder)} if isinstance(one, Record) else {"path": one, "read": read, **how}
+        {"path": _written(one, number, folder)}
+        if isinstance(one, Record)
+        else {"path": one, "read": read.options, "reader": read.reader, "reader_options": read.reader_options}
         for number, (one, read) in enumerate(zip((*records.sources, *records.held_out), reads, strict=True), 1)
     ]
     fitted = files[:count]
@@ -295,14 +302,12 @@ def _started(options: DiscoverOptions) -> list[tuple[RecordFile, float | None]]:
 
 
 def _request(options: DiscoverOptions, file: RecordFile, soc: float | None = None) -> RecordRequest:
-    from .tasks.record_request import RecordRequest, source_of
+    from .tasks.record_request import RecordRequest
 
     ambient_c = file.read.ambient_c if options.ambient_c is None else options.ambient_c
     temperature_k = None if ambient_c is None else ambient_c + zero_Celsius
-    source = source_of(file.files, file.read, file.reader, file.reader_options)
-    asked = RecordRequest(
-        source, file.read, file.reader, file.reader_options, initial_soc=soc, temperature_k=temperature_k
-    )
+    source = file.reading.joined(file.files)
+    asked = RecordRequest(source, file.reading, initial_soc=soc, temperature_k=temperature_k)
     found = asked.load()
     if not isinstance(found, Record):
         raise BsaError(

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import BsaError
-from ..core.record import ReadOptions, Record
+from ..core.record import Record
 from ..core.task import ParameterSource, Task
+from .file_reading import FileReading
 from .read_options import one_each
 from .run_names import named_after
 
@@ -19,14 +20,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Records:
-    """Records to be matched or predicted, and how the files among them are read."""
+    """Records to be matched or predicted."""
 
     sources: Sequence[Path | Record]
     held_out: Sequence[Path | Record] = ()  # Are not fitted, and scored after the search.
-    # What headers do not say: once for all, or for each of them, held-out ones last.
-    reads: Sequence[ReadOptions] = (ReadOptions(),)
-    reader: str | None = None  # The reader to use; None finds the one that fits.
-    reader_options: Mapping[str, Any] = field(default_factory=dict)  # The reader's own options.
+    # How the files among them are read: once for all, or for each of them, held-out ones last.
+    reads: Sequence[FileReading] = (FileReading(),)
     initial_soc: Sequence[float] = ()  # Nothing, one state of charge for all sources, or one for each.
     as_protocol: bool = False  # Whether the steps that they show are simulated, in place of the measured current.
     life: bool = False  # Whether they are whole lives: capacity by cycle and the curves of a few cycles are compared.
@@ -41,10 +40,10 @@ class Records:
     def joined(self) -> bool:
         """Whether the sources are several files of one cell."""
         files = all(isinstance(source, Path) for source in self.sources)
-        return self.reads[0].join and files and len(self.sources) > 1
+        return self.reads[0].options.join and files and len(self.sources) > 1
 
-    def each_read(self) -> list[ReadOptions]:
-        """What headers do not say, for each source and each record that is held out.
+    def each_read(self) -> list[FileReading]:
+        """How each source, and each record that is held out, is read.
 
         Raises `BsaError` if that was said for another number of records.
         """
@@ -87,24 +86,21 @@ class Records:
     def _asked(
         self,
         sources: Sequence[Path | Record],
-        reads: Sequence[ReadOptions],
+        reads: Sequence[FileReading],
         socs: Sequence[float | None],
         **more: Any,
     ) -> list[RecordRequest]:
         from .tasks.record_request import RecordRequest
 
         return [
-            RecordRequest(source, read, self.reader, self.reader_options, initial_soc=soc, **more)
+            RecordRequest(source, read, initial_soc=soc, **more)
             for source, read, soc in zip(sources, reads, socs, strict=True)
         ]
 
     def _joined(self) -> Sequence[Path | Record]:
         if not self.joined:
             return self.sources
-        from .tasks.record_request import source_of
-
-        files = [source for source in self.sources if isinstance(source, Path)]
-        return [source_of(files, self.each_read()[0], self.reader, self.reader_options)]
+        return [self.each_read()[0].joined([source for source in self.sources if isinstance(source, Path)])]
 
 
 @dataclass(frozen=True)

@@ -178,7 +178,18 @@ def calibrate(
             check_run_folder(Path(out))
         named = _names_a_task(data)
         reads = readings(
-            column, unit, current_sign, constant_current, current_offset, voltage_lag, where, cycles, sheet, temperature
+            column,
+            unit,
+            current_sign,
+            constant_current,
+            current_offset,
+            voltage_lag,
+            where,
+            cycles,
+            sheet,
+            reader,
+            reader_option,
+            temperature,
         )
         fitted, held = sources(None if named else data, holdout, reads)  # type: ignore[arg-type]
         budgets = given_budgets(rounds=rounds, warm_up=warmup, simulations=simulations, seed=seed)
@@ -196,8 +207,6 @@ def calibrate(
                 fitted,
                 held,
                 reads,
-                reader,
-                as_mapping(reader_option, "--reader-option"),
                 as_numbers(initial_soc, "--initial-soc"),
                 as_protocol,
                 life,

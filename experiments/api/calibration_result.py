@@ -150,7 +150,7 @@ class CalibrationResult:
         BsaError
             If the data cannot be read, or was fitted.
         """
-        from ..checked_options import as_mapping, as_numbers, simulation_workers
+        from ..checked_options import as_numbers, simulation_workers
         from ..new_folder import new_folder
         from ..predict import predict_records, write_scores
         from ..read_options import readings
@@ -158,16 +158,12 @@ class CalibrationResult:
         from ..task_request import Records
         from .prediction_result import PredictionResult
 
-        reader, reader_option = (
-            options.pop("reader", None),
-            as_mapping(options.pop("reader_option", None), "--reader-option"),
-        )
         unknown = sorted(set(options) - set(READING))
         if unknown:
             raise BsaError(f'there is no option "{unknown[0]}" for reading.', did_you_mean(unknown[0], READING))
         reads = readings(**options)
         given, _ = sources(data, None, reads)
-        records = Records(given, (), reads, reader, reader_option, as_numbers(initial_soc, "--initial-soc"))
+        records = Records(given, (), reads, as_numbers(initial_soc, "--initial-soc"))
         place = Path(out) if out is not None else numbered_folder(self.folder / "predictions", named_after(given))
         with new_folder(place) as folder:
             scored = predict_records(self.folder, records.requests(), simulation_workers(workers))

@@ -130,7 +130,18 @@ def discover(
     from ..discovery_case import discover_options
 
     reads = readings(
-        column, unit, current_sign, constant_current, current_offset, voltage_lag, where, cycles, sheet, temperature
+        column,
+        unit,
+        current_sign,
+        constant_current,
+        current_offset,
+        voltage_lag,
+        where,
+        cycles,
+        sheet,
+        reader,
+        reader_option,
+        temperature,
     )
     fitted, held = sources(data, holdout, reads)
     if not fitted:
@@ -140,8 +151,6 @@ def discover(
             fitted,
             held,
             reads,
-            reader,
-            as_mapping(reader_option, "--reader-option"),
             as_numbers(initial_soc, "--initial-soc"),
             life=life,
             fit_cycles=fit_cycles,

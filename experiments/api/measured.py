@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from ...core.errors import BsaError
 from ...core.printable import shown, with_article
 from ...core.record import ReadOptions, Record
-from ..checked_options import FIELDS, as_mapping
+from ..checked_options import FIELDS
+from ..file_reading import FileReading
 from ..read_options import one_each, reading, readings
 
 if TYPE_CHECKING:
@@ -83,21 +84,25 @@ def read_record(
     BsaError
         If the data cannot be read, naming the row or column at fault.
     """
-    options = reading(
-        column, unit, current_sign, constant_current, current_offset, voltage_lag, where, cycles, sheet, temperature
+    read = reading(
+        column,
+        unit,
+        current_sign,
+        constant_current,
+        current_offset,
+        voltage_lag,
+        where,
+        cycles,
+        sheet,
+        reader,
+        reader_option,
+        temperature,
     )
     given = data if isinstance(data, list | tuple) else [data]
     files = [Path(one) for one in given if isinstance(one, str | Path)]
     if files and len(files) == len(given):
-        from ...core.reading.reading import read_record as read_file
-
-        return read_file(
-            data if isinstance(data, str | Path) else files,
-            options,
-            reader=reader,
-            reader_options=as_mapping(reader_option, "--reader-option"),
-        )
-    return _read_frame(data, options, name or "DataFrame")
+        return read.record(data if isinstance(data, str | Path) else files)
+    return _read_frame(data, read.options, name or "DataFrame")
 
 
 def listed(data: Data | Sequence[Data] | None) -> list[Data]:
@@ -129,7 +134,7 @@ def source(data: Data, options: ReadOptions, number: int) -> Path | Record:
 
 
 def sources(
-    data: Data | Sequence[Data] | None, holdout: Data | Sequence[Data] | None, reads: Sequence[ReadOptions]
+    data: Data | Sequence[Data] | None, holdout: Data | Sequence[Data] | None, reads: Sequence[FileReading]
 ) -> tuple[list[Path | Record], list[Path | Record]]:
     """What a task reads of fitted and of held-out data, of which ``reads`` says how (`readings`).
 
@@ -141,7 +146,8 @@ def sources(
     fitted = listed(data)
     everything = [*fitted, *listed(holdout)]
     each = one_each(reads, len(everything))
-    found = [source(one, read, number) for number, (one, read) in enumerate(zip(everything, each, strict=True), 1)]
+    read = zip(everything, each, strict=True)
+    found = [source(one, how.options, number) for number, (one, how) in enumerate(read, 1)]
     return found[: len(fitted)], found[len(fitted) :]
 
 

@@ -47,16 +47,12 @@ def data(
     as_json: Annotated[bool, shared.output_option("--json", help="Print everything as JSON.")] = False,
 ) -> None:
     """Say what files hold: signals, steps, cycles, resistances, slow curves and every problem."""
-    from ...core.reading.reading import read_file
     from ..read_options import one_each
 
     _check_outputs(files, join, plot, export, out)
     sources: list[Any] = [files] if join else list(files)
-    reads = one_each(reading.options(join), len(sources))
-    found = [
-        read_file(source, read, reader=reading.reader, reader_options=reading.reader_options)
-        for source, read in zip(sources, reads, strict=True)
-    ]
+    reads = one_each(reading.readings(join), len(sources))
+    found = [read.read(source) for source, read in zip(sources, reads, strict=True)]
     parts = [_parts(one) for one in found]
     if plot is not None:
         from ..data.picture import draw

@@ -154,8 +154,7 @@ def _task(data: str | list[Path], options: Mapping[str, Any], cell: Mapping[str,
     if isinstance(data, str):
         return find_task(data)
     _check_set(cell.get("parameters"))
-    read = reading(**{name: options[name] for name in measured.READING})
-    return task_of_records(Records(data, reads=[read], reader=options["reader"]), CellChoice(**cell))
+    return task_of_records(Records(data, reads=[reading(**options)]), CellChoice(**cell))
 
 
 def _check_set(parameters: str | None) -> None:

@@ -18,9 +18,10 @@ from ...core.shape import decoding
 from ...core.task import Task, Weight
 from ...core.validation import validated
 from ...core.yaml_text import YAML_SUFFIXES, read_yaml
+from ..file_reading import FileReading
 from .influence import without_use
 from .measured_cell import CellRequest
-from .record_request import RecordRequest, source_of
+from .record_request import RecordRequest
 from .records import build_task
 from .signal_task_file import load_signal_task
 
@@ -135,11 +136,10 @@ def _request(entry: ExperimentEntry, folder: Path) -> RecordRequest:
     read = entry.read
     if entry.temperature_degc is not None:  # a reader need not guess it
         read = read.model_copy(update={"ambient_c": entry.temperature_degc})
+    reading = FileReading(read, entry.reader, entry.reader_options)
     return RecordRequest(
-        source=source_of([folder / name for name in entry.files], read, entry.reader, entry.reader_options),
-        read=read,
-        reader=entry.reader,
-        reader_options=entry.reader_options,
+        source=reading.joined([folder / name for name in entry.files]),
+        reading=reading,
         protocol=read_protocol(entry.protocol) if isinstance(entry.protocol, list) else entry.protocol,
         scored_cycle=entry.scored_cycle,
         detailed_cycles=entry.detailed_cycles,
