@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from ...core.errors import BsaError
 from ...core.printable import shown, with_article
 from ...core.record import ReadOptions, Record
-from ..checked_options import FIELDS
+from ..checked_options import FIELDS, as_numbers
 from ..file_reading import FileReading
 from ..read_options import one_each, reading, readings
+from ..task_request import Records
 
 if TYPE_CHECKING:
     import pandas
@@ -133,10 +134,16 @@ def source(data: Data, options: ReadOptions, number: int) -> Path | Record:
     return data
 
 
-def sources(
-    data: Data | Sequence[Data] | None, holdout: Data | Sequence[Data] | None, reads: Sequence[FileReading]
-) -> tuple[list[Path | Record], list[Path | Record]]:
-    """What a task reads of fitted and of held-out data, of which ``reads`` says how (`readings`).
+def records_of(
+    data: Data | Sequence[Data] | None,
+    holdout: Data | Sequence[Data] | None,
+    reads: Sequence[FileReading],
+    initial_soc: Any,
+    **how: Any,
+) -> Records:
+    """Fitted and held-out data as records, of which ``reads`` says how they are read (`readings`).
+
+    ``how`` are further fields of `Records`.
 
     Raises
     ------
@@ -148,7 +155,8 @@ def sources(
     each = one_each(reads, len(everything))
     read = zip(everything, each, strict=True)
     found = [source(one, how.options, number) for number, (one, how) in enumerate(read, 1)]
-    return found[: len(fitted)], found[len(fitted) :]
+    socs = as_numbers(initial_soc, "--initial-soc")
+    return Records(found[: len(fitted)], found[len(fitted) :], reads, socs, **how)
 
 
 def _left(options: ReadOptions) -> set[str]:
