@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Protocol, get_args, runtime_checkable
 
 from pydantic import BaseModel, Field, field_validator
+from scipy.constants import zero_Celsius
 
 from .printable import counted
 from .trajectory import Trajectory
@@ -56,7 +57,7 @@ class Record:
 
     @property
     def _words(self) -> str:
-        ambient = "" if self.ambient_k is None else f"; ambient temperature {self.ambient_k - 273.15:.1f} degC"
+        ambient = "" if self.ambient_k is None else f"; ambient temperature {self.ambient_k - zero_Celsius:.1f} degC"
         return self.trajectory.words + ambient + f"; {counted(len(self.notes), 'note')}" * bool(self.notes)
 
 

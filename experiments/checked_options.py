@@ -6,6 +6,8 @@ from math import isfinite
 from numbers import Integral
 from typing import Any, get_args
 
+from scipy.constants import zero_Celsius
+
 from ..core.errors import BsaError, did_you_mean
 from ..core.printable import shown
 from ..core.record import AMBIENT_C, ImpedancePart, Signal
@@ -76,11 +78,10 @@ def as_celsius(value: Any, option: str) -> float:
     found, (coldest, warmest) = as_number(value, option), AMBIENT_C
     if coldest < found < warmest:
         return found
-    kelvin = warmest <= found <= warmest + 273.15
-    raise BsaError(
-        f"{option} is {found:g}: it is in degC, between {coldest:g} and {warmest:g}.",
-        f"{found:g} K are {found - 273.15:.6g} degC." if kelvin else "give the temperature around the cell in degC.",
-    )
+    hint = "give the temperature around the cell in degC."
+    if warmest <= found <= warmest + zero_Celsius:
+        hint = f"{found:g} K are {found - zero_Celsius:.6g} degC."
+    raise BsaError(f"{option} is {found:g}: it is in degC, between {coldest:g} and {warmest:g}.", hint)
 
 
 def by_signal(given: Mapping[str, Any] | None, option: str) -> dict[str, str]:

@@ -90,7 +90,7 @@ def _on_records(
 
         case = read_case(options)
         backend = held.enter_context(backend_or_none(options, listener, bool(journal.earlier)))
-        setup = set_up(case, options, listener, make_simulator)
+        setup = set_up(case, options, listener, make_simulator, journal)
         asked = None if backend is None else recorder.around(backend)
         discovery = discover_on(setup, options, listener, asked)
         discovery.wall_s = journal.wall_s

@@ -5,11 +5,13 @@ from __future__ import annotations
 import filecmp
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, Field, model_validator
+from scipy.constants import zero_Celsius
 
 from ..core.discovery.findings import Settings
 from ..core.discovery.observations import FLOOR_V
@@ -22,6 +24,7 @@ from ..core.target import CyclableLithium, Factor, Value, factor_name, target_na
 from ..core.task import CellModel, ParameterSource, Task
 from ..core.validation import validated
 from ..core.yaml_text import YAML_SUFFIXES, read_yaml
+from .file_reading import FileReading
 from .run_names import named_after, numbered_folder
 from .task_request import Records
 from .tasks.influence import no_influence
@@ -51,6 +54,11 @@ class RecordFile(BaseModel, extra="forbid"):
     def files(self) -> list[Path]:
         """All of its files."""
         return [self.path, *self.joined]
+
+    @property
+    def reading(self) -> FileReading:
+        """How they are read."""
+        return FileReading(self.read, self.reader, self.reader_options)
 
 
 class Uncertainty(BaseModel, extra="forbid"):
@@ -125,12 +133,13 @@ def discover_options(
         _check_life(records, others)
     folder = out or numbered_folder(Path("runs"), f"{named_after(records.sources[:1])}-discover")
     check_run_folder(folder)
-    how = {"reader": records.reader, "reader_options": records.reader_options}
     count, reads = len(records.sources), records.each_read()
     if records.joined:
         reads = [reads[0]] * count + reads[1:]
     files: list[dict[str, Any]] = [
-        {"path": _written(one, number, folder)} if isinstance(one, Record) else {"path": one, "read": read, **how}
+        {"path": _written(one, number, folder)}
+        if isinstance(one, Record)
+        else {"path": one, "read": read.options, "reader": read.reader, "reader_options": read.reader_options}
         for number, (one, read) in enumerate(zip((*records.sources, *records.held_out), reads, strict=True), 1)
     ]
     fitted = files[:count]
@@ -230,64 +239,61 @@ def read_case(options: DiscoverOptions) -> Case:
     """Read the records and settle the base model: size, ambient temperature, initial states of charge."""
     from ..plugins.pybamm.cells.model_options import in_pybamm_spelling
     from .tasks.cell_for_records import ISOTHERMAL, THERMAL
+    from .tasks.measured_cell import CellRequest
     from .tasks.parameter_source import parameter_source
-    from .tasks.records import build_task
+    from .tasks.records import measured_experiments
 
     fitted = [named for file, soc in _started(options) for named in _parts(options, file, soc)]
     held = [named for file in options.holdout for named in _parts(options, file)]
-    task = build_task(
-        "discover",
+    wanted = CellRequest(
         parameter_source(options.parameters),
-        [request for _, request in (*fitted, *held)],
         options.model,
         # Whether heat is missing is for the discovery to find.
         {THERMAL: ISOTHERMAL, **options.options},
         options.overrides,
-        search={"Negative particle radius [m]": {"factors": [0.5, 2.0]}},  # a task must search something; not used
+        search={},  # what is uncertain is the discovery's own
         scale_to_capacity=options.scale,
     )
+    found = measured_experiments(wanted, [request for _, request in (*fitted, *held)])
     names = _told_apart([name for name, _ in (*fitted, *held)])
     measured_records = [
         MeasuredRecord(name, experiment.target, experiment.temperature_k, experiment.initial_temperature_k)
-        for name, experiment in zip(names, task.experiments, strict=True)
+        for name, experiment in zip(names, found.experiments, strict=True)
     ]
-    starts = {s.name: e.initial_soc for s, e in zip(measured_records, task.experiments, strict=True)}
-    count = len(fitted)
+    starts = {s.name: e.initial_soc for s, e in zip(measured_records, found.experiments, strict=True)}
+    count, base = len(fitted), found.cell.model
     # A calibration task may add options for what it searches; here the base model is what was asked for.
-    fixed = {
-        name: value for name, value in task.cell.overrides.items() if name not in _ADDED or name in options.overrides
-    }
-    cell = CellModel(task.cell.parameter_set, options.model, in_pybamm_spelling(options.options), fixed)
+    fixed = {name: value for name, value in base.overrides.items() if name not in _ADDED or name in options.overrides}
     return Case(
-        cell,
+        CellModel(base.parameter_set, options.model, in_pybamm_spelling(options.options), fixed),
         tuple(measured_records[:count]),
         tuple(measured_records[count:]),
         {name: soc for name, soc in starts.items() if soc is not None},
-        _with_notes(options, task).notes,
+        _said_once(options.notes, found.notes, found.start_notes),
     )
 
 
 def read_life(options: DiscoverOptions) -> Task:
     """Read a life: the task of matching all of its cycles by a cell that does not age."""
+    from .tasks.measured_cell import CellRequest
     from .tasks.parameter_source import parameter_source
     from .tasks.records import build_task
 
     ((file, soc),) = _started(options)
-    task = build_task(
-        file.path.stem,
+    wanted = CellRequest(
         parameter_source(options.parameters),
-        [_request(options, file, soc).as_life()],
         options.model,
         {"SEI": "none", **options.options},
         options.overrides,
         scale_to_capacity=options.scale,
     )
-    return _with_notes(options, task)
+    task = build_task(file.path.stem, wanted, [_request(options, file, soc).as_life()])
+    return replace(task, notes=_said_once(options.notes, task.notes))
 
 
-def _with_notes(options: DiscoverOptions, task: Task) -> Task:
-    """The task with the notes of records that were read already; what their files show again is said once."""
-    return replace(task, notes=tuple(dict.fromkeys((*options.notes, *task.notes))))
+def _said_once(*notes: Sequence[str]) -> tuple[str, ...]:
+    """Notes of records that were read already, and what their files show: what both have is said once."""
+    return tuple(dict.fromkeys(chain(*notes)))
 
 
 def _started(options: DiscoverOptions) -> list[tuple[RecordFile, float | None]]:
@@ -296,14 +302,12 @@ def _started(options: DiscoverOptions) -> list[tuple[RecordFile, float | None]]:
 
 
 def _request(options: DiscoverOptions, file: RecordFile, soc: float | None = None) -> RecordRequest:
-    from .tasks.record_request import RecordRequest, source_of
+    from .tasks.record_request import RecordRequest
 
     ambient_c = file.read.ambient_c if options.ambient_c is None else options.ambient_c
-    temperature_k = None if ambient_c is None else ambient_c + 273.15
-    source = source_of(file.files, file.read, file.reader, file.reader_options)
-    asked = RecordRequest(
-        source, file.read, file.reader, file.reader_options, initial_soc=soc, temperature_k=temperature_k
-    )
+    temperature_k = None if ambient_c is None else ambient_c + zero_Celsius
+    source = file.reading.joined(file.files)
+    asked = RecordRequest(source, file.reading, initial_soc=soc, temperature_k=temperature_k)
     found = asked.load()
     if not isinstance(found, Record):
         raise BsaError(

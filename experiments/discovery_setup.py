@@ -1,7 +1,11 @@
 """All that a discovery works with, set up from a case."""
 
-from collections.abc import Callable, Sequence
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from ..core.contracts.effect_choice import effects_of
 from ..core.discovery.engine import Engine
@@ -14,6 +18,7 @@ from ..core.discovery.problem import Problem
 from ..core.discovery.simulator import Simulator
 from ..core.effect import Effect
 from ..core.parameters import ParameterSpace
+from ..core.run.journal import Event, OpenJournal
 from ..core.task import CellModel
 from ..plugins.pybamm.before_search.radial_mesh import RadialMesh, radial_mesh
 from ..plugins.pybamm.before_search.uncertain_parameters import uncertain_parameters
@@ -21,6 +26,32 @@ from ..plugins.pybamm.cells.parameter_sets import pybamm
 from ..plugins.pybamm.cells.state_of_charge import equilibrium_capacity_ah
 from ..plugins.pybamm.simulators.effect_simulator import EffectSimulator
 from .discovery_case import Case, DiscoverOptions, spreads_of
+
+SETTLED = "settled"
+
+
+@dataclass(frozen=True)
+class Settled:
+    """What models of the cell, built before anything is fitted, have told."""
+
+    spreads: Mapping[str, tuple[float, float, float]]  # What is uncertain, see `spreads_of`.
+    mesh: RadialMesh  # How finely the particles are resolved.
+
+    @classmethod
+    def in_events(cls, events: Iterable[Event]) -> Settled | None:
+        """What the journal of an earlier session tells; None where it does not."""
+        for event in events:
+            if event["event"] == SETTLED:
+                shift_v = math.inf if event["shift_v"] is None else event["shift_v"]
+                spreads = {name: (spread, lower, upper) for name, (spread, lower, upper) in event["spreads"].items()}
+                return cls(spreads, RadialMesh(event["radial_points"], shift_v))
+        return None
+
+    @property
+    def event(self) -> dict[str, Any]:
+        """As a journal keeps it."""
+        shift_v = self.mesh.shift_v if math.isfinite(self.mesh.shift_v) else None
+        return {"spreads": dict(self.spreads), "radial_points": self.mesh.radial_points, "shift_v": shift_v}
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,16 +112,25 @@ def set_up(
     options: DiscoverOptions,
     listener: Listener = lambda text: None,
     make_simulator: MakeSimulator = in_this_process,
+    journal: OpenJournal | None = None,
 ) -> DiscoverySetup:
-    """Settle the mesh, choose what is uncertain, and condense the records of a case."""
+    """Settle the mesh, choose what is uncertain, and condense the records of a case.
+
+    What is settled is written into the journal, and taken from there where the discovery is resumed: finding it out
+    takes longer than reading the records.
+    """
     pybamm.set_logging_level("CRITICAL")
     cell = case.cell
     passed_over: list[str] = []
     # What is wrong with the options is said before anything else.
     catalogue = effects_of(options.effects, None, options.effect_options, passed_over.append)
-    spreads = spreads_of(options.search, cell)
+    known = None if journal is None else Settled.in_events(journal.earlier)
+    spreads = spreads_of(options.search, cell) if known is None else known.spreads
     say_notes([*case.notes, *passed_over], listener)
-    mesh = radial_mesh(cell, [*case.measured_records, *case.held], case.initial_soc)
+    records = [*case.measured_records, *case.held]
+    mesh = radial_mesh(cell, records, case.initial_soc) if known is None else known.mesh
+    if journal is not None and known is None:
+        journal.file.append(SETTLED, **Settled(spreads, mesh).event)
     say_notes([mesh.note] * bool(mesh.note), listener)
     space = uncertain_parameters(case.measured_records, case.initial_soc, spreads)
     simulator = make_simulator(cell, space, mesh)

@@ -10,13 +10,14 @@ from ..core.printable import counted
 from ..core.record import ReadOptions
 from ..core.validation import validated
 from .checked_options import FIELDS, as_celsius, as_mapping, as_number, as_several, by_column, by_signal
+from .file_reading import FileReading
 
 Numbers: TypeAlias = "float | Sequence[float] | None"
 """One number for all records, or one for each, held-out ones last."""
 
 
-def reading(*said: Any, **more: Any) -> ReadOptions:
-    """What a person says about one file, as `readings` takes it. Raises `BsaError` if it is said of several."""
+def reading(*said: Any, **more: Any) -> FileReading:
+    """How one file is read, from what `readings` takes. Raises `BsaError` if it is said of several."""
     return one_each(readings(*said, **more), 1)[0]
 
 
@@ -30,10 +31,12 @@ def readings(
     where: Mapping[str, Any] | None = None,
     cycles: str | int | None = None,
     sheet: str | None = None,
+    reader: str | None = None,
+    reader_option: Mapping[str, Any] | None = None,
     temperature: Numbers = None,
     join: bool = False,
-) -> list[ReadOptions]:
-    """What a person says about files, once for all of them, or for each where a number differs.
+) -> list[FileReading]:
+    """How files are read, from what a person says: once for all of them, or for each where a number differs.
 
     Raises `BsaError` if an option is not valid, or two have different numbers of values.
     """
@@ -54,7 +57,11 @@ def readings(
         "sheet": sheet,
         "join": join,
     }
-    return [validated(ReadOptions, {**numbers, **same}, "the options of the record") for numbers in _each(given)]
+    own = as_mapping(reader_option, "--reader-option")
+    return [
+        FileReading(validated(ReadOptions, {**numbers, **same}, "the options of the record"), reader, own)
+        for numbers in _each(given)
+    ]
 
 
 def _each(given: Mapping[str, Numbers]) -> list[dict[str, float]]:
@@ -84,8 +91,8 @@ def _typed(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def one_each(reads: Sequence[ReadOptions], count: int) -> list[ReadOptions]:
-    """What is said of each of so many records. Raises `BsaError` if it was said of another number of them."""
+def one_each(reads: Sequence[FileReading], count: int) -> list[FileReading]:
+    """How each of so many records is read. Raises `BsaError` if it was said of another number of them."""
     if len(reads) not in (1, count):
         raise BsaError(
             f"an option for reading was given {counted(len(reads), 'time')} for {counted(count, 'record')}.",

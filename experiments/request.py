@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import cast
 
 from ..core.errors import BsaError
-from ..core.record import ReadOptions
 from ..core.run.run_config import RunConfig
 from ..core.task import Task, Weight
+from .file_reading import FileReading
 from .run_names import numbered_folder
 from .task_request import CellChoice, Records, task_of_records
 
@@ -46,11 +46,6 @@ def run_request(
     return RunRequest(task, config, out or numbered_folder(Path("runs"), f"{task.name}-{config.scaffold.name}"))
 
 
-def _says_how_to_read(records: Records) -> bool:
-    own = records.reader is not None or bool(records.reader_options)
-    return own or list(records.reads) != [ReadOptions()]
-
-
 def _check_of_task(named: Task, records: Records, cell: CellChoice) -> None:
     """Refuse what goes with records where a task was named, which says it itself."""
     said = {
@@ -66,7 +61,7 @@ def _check_of_task(named: Task, records: Records, cell: CellChoice) -> None:
         "--as-protocol": records.as_protocol,
         "--life": records.life,
         "--fit-cycles": records.fit_cycles is not None,
-        "options for reading": not records.held_out and _says_how_to_read(records),
+        "options for reading": not records.held_out and list(records.reads) != [FileReading()],
     }
     given = [name for name, is_given in said.items() if is_given]
     if given:

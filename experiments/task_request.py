@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import BsaError
-from ..core.record import ReadOptions, Record
+from ..core.record import Record
 from ..core.task import ParameterSource, Task
+from .file_reading import FileReading
 from .read_options import one_each
 from .run_names import named_after
 
@@ -19,14 +20,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Records:
-    """Records to be matched or predicted, and how the files among them are read."""
+    """Records to be matched or predicted."""
 
     sources: Sequence[Path | Record]
     held_out: Sequence[Path | Record] = ()  # Are not fitted, and scored after the search.
-    # What headers do not say: once for all, or for each of them, held-out ones last.
-    reads: Sequence[ReadOptions] = (ReadOptions(),)
-    reader: str | None = None  # The reader to use; None finds the one that fits.
-    reader_options: Mapping[str, Any] = field(default_factory=dict)  # The reader's own options.
+    # How the files among them are read: once for all, or for each of them, held-out ones last.
+    reads: Sequence[FileReading] = (FileReading(),)
     initial_soc: Sequence[float] = ()  # Nothing, one state of charge for all sources, or one for each.
     as_protocol: bool = False  # Whether the steps that they show are simulated, in place of the measured current.
     life: bool = False  # Whether they are whole lives: capacity by cycle and the curves of a few cycles are compared.
@@ -41,10 +40,10 @@ class Records:
     def joined(self) -> bool:
         """Whether the sources are several files of one cell."""
         files = all(isinstance(source, Path) for source in self.sources)
-        return self.reads[0].join and files and len(self.sources) > 1
+        return self.reads[0].options.join and files and len(self.sources) > 1
 
-    def each_read(self) -> list[ReadOptions]:
-        """What headers do not say, for each source and each record that is held out.
+    def each_read(self) -> list[FileReading]:
+        """How each source, and each record that is held out, is read.
 
         Raises `BsaError` if that was said for another number of records.
         """
@@ -87,24 +86,21 @@ class Records:
     def _asked(
         self,
         sources: Sequence[Path | Record],
-        reads: Sequence[ReadOptions],
+        reads: Sequence[FileReading],
         socs: Sequence[float | None],
         **more: Any,
     ) -> list[RecordRequest]:
         from .tasks.record_request import RecordRequest
 
         return [
-            RecordRequest(source, read, self.reader, self.reader_options, initial_soc=soc, **more)
+            RecordRequest(source, read, initial_soc=soc, **more)
             for source, read, soc in zip(sources, reads, socs, strict=True)
         ]
 
     def _joined(self) -> Sequence[Path | Record]:
         if not self.joined:
             return self.sources
-        from .tasks.record_request import source_of
-
-        files = [source for source in self.sources if isinstance(source, Path)]
-        return [source_of(files, self.each_read()[0], self.reader, self.reader_options)]
+        return [self.each_read()[0].joined([source for source in self.sources if isinstance(source, Path)])]
 
 
 @dataclass(frozen=True)
@@ -129,17 +125,16 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
 
     Raises `BsaError` if no parameter set is given, or a record, a set or a parameter makes no sense.
     """
+    from .tasks.measured_cell import CellRequest
     from .tasks.parameter_source import parameter_source, read_finished, start_from, with_its_space
     from .tasks.records import build_task
 
-    requests = records.requests()
+    requests, held_out = records.requests(), records.held_out_requests()
+    name = named_after([request.source for request in requests])
     asked: dict[str, Any] = {
-        "name": named_after([request.source for request in requests]),
-        "records": requests,
-        "held_out": records.held_out_requests(),
+        "search": cell.search or ("life" if records.lives else "cell"),
         "scale_to_capacity": cell.scale,
         "ocp": cell.ocp,
-        "search": cell.search or ("life" if records.lives else "cell"),
     }
     if cell.start_from is not None:
         if cell.parameters is not None:
@@ -150,10 +145,8 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
         base, overrides = start_from(run, cell.search)
         begun = run.task.cell
         model, options = cell.model or begun.model, {**begun.options, **cell.options}
-        effects = cell.effects or begun.effects
-        task = build_task(
-            parameter_set=base, overrides=overrides, model=model, options=options, effects=effects, **asked
-        )
+        wanted = CellRequest(base, model, options, overrides, effects=cell.effects or begun.effects, **asked)
+        task = build_task(name, wanted, requests, held_out)
         return task if cell.search is not None else with_its_space(task, run, bool(records.initial_soc))
     if cell.parameters is None:
         raise BsaError(
@@ -162,5 +155,5 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
             "nearest with a discharge at 1C or slower; bsa list parameters shows all sets.",
         )
     source = parameter_source(cell.parameters)
-    model = cell.model or "DFN"
-    return build_task(parameter_set=source, model=model, options=cell.options, effects=cell.effects, **asked)
+    wanted = CellRequest(source, cell.model or "DFN", cell.options, effects=cell.effects, **asked)
+    return build_task(name, wanted, requests, held_out)

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import EntryPoint, distributions
+from importlib.metadata import Distribution, EntryPoint, distribution, distributions
 from pathlib import Path
 from typing import Any
 
@@ -94,14 +94,16 @@ class Registry:
     def load_entry_points(self) -> Registry:
         """Register everything in the entry-point group ``bsa`` and collect the entries."""
         seen: set[str] = set()
-        for distribution in distributions():
+        for found in distributions():
             try:
-                name, version = distribution.metadata["Name"], distribution.version
-                points = [point for point in distribution.entry_points if point.group == PROJECT]
+                if not _points_of(found):  # asked first: reading the metadata of all that is installed takes long
+                    continue
+                # The first distribution of a name on the path is the one that imports see.
+                first = distribution(found.metadata["Name"])
+                name, version, points = first.metadata["Name"], first.version, _points_of(first)
             except Exception:  # metadata that cannot be read: whose they are cannot be said either
                 continue
-            # The first distribution of a name on the path is the one that imports see.
-            if name is None or _normalised(name) in seen:
+            if _normalised(name) in seen:
                 continue
             seen.add(_normalised(name))
             for point in points:
@@ -274,6 +276,10 @@ def _fault(entry: Any) -> str:
 def _reason(error: BaseException) -> str:
     words, kind = in_words(error), type(error).__name__
     return words if words == kind else f"{kind}: {words}"
+
+
+def _points_of(found: Distribution) -> list[EntryPoint]:
+    return [point for point in found.entry_points if point.group == PROJECT]
 
 
 def _normalised(name: str) -> str:

@@ -1,6 +1,7 @@
 """The temperature around a cell: what was measured there while a current flowed, else what the cell cools to."""
 
 import numpy as np
+from scipy.constants import zero_Celsius
 
 from ..trajectory import FloatArray
 from .gaps import FLOWS
@@ -75,7 +76,7 @@ def measured_ambient(ambient: FloatArray, current: FloatArray) -> tuple[float | 
 
 
 def _celsius(kelvin: float) -> str:
-    return f"{kelvin - 273.15:.1f} degC"
+    return f"{kelvin - zero_Celsius:.1f} degC"
 
 
 def _lowest(temperature: FloatArray) -> float:

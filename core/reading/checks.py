@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.constants import zero_Celsius
 
 from ..errors import BsaError
 from ..printable import counted, rounded
@@ -60,15 +61,15 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     ambient, words = _ambient(samples, chosen, options)
     if words:
         samples = samples.noted(words)
-    if options.ambient_c is None and ambient is not None and ambient - 273.15 > HOT_C:
+    if options.ambient_c is None and ambient is not None and ambient - zero_Celsius > HOT_C:
         samples = samples.noted(
-            f"the ambient temperature of {ambient - 273.15:.1f} degC is a high one. Is it in degF? Then say "
+            f"the ambient temperature of {ambient - zero_Celsius:.1f} degC is a high one. Is it in degF? Then say "
             "--unit temperature=degF, or with --temperature what it was in degC."
         )
     if ambient is not None and not KELVIN[0] <= ambient <= KELVIN[1]:
         raise BsaError(
-            f"{samples.source}: an ambient temperature of {ambient - 273.15:.4g} degC ({ambient:.4g} K) cannot be: "
-            f"cells are measured between {KELVIN[0] - 273.15:.0f} and {KELVIN[1] - 273.15:.0f} degC.",
+            f"{samples.source}: an ambient temperature of {ambient - zero_Celsius:.4g} degC ({ambient:.4g} K) cannot "
+            f"be: cells are measured between {KELVIN[0] - zero_Celsius:.0f} and {KELVIN[1] - zero_Celsius:.0f} degC.",
             "say with --temperature what it was, in degC.",
         )
     if options.cycles is not None:
@@ -97,7 +98,7 @@ def _enough(samples: Samples) -> None:
 def _ambient(samples: Samples, chosen: slice, options: ReadOptions) -> tuple[float | None, str]:
     """The temperature around the cell in the chosen samples, K, and a note on where it comes from."""
     if options.ambient_c is not None:
-        return options.ambient_c + 273.15, ""
+        return options.ambient_c + zero_Celsius, ""
     if "ambient_k" in samples.extra:
         ambient, words = measured_ambient(samples.extra["ambient_k"][chosen], samples.current[chosen])
         if ambient is not None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.constants import zero_Celsius
 
 from ..printable import rounded
 from ..record import Record
@@ -103,8 +104,7 @@ def summary(record: Record) -> RecordSummary:
     trajectory = record.trajectory
     spacing = np.diff(trajectory.time)
     spacing = spacing[spacing > 0] if np.any(spacing > 0) else np.zeros(1)
-    kelvin = trajectory.temperature
-    warm = None if kelvin is None else (kelvin[0] - 273.15, kelvin.min() - 273.15, kelvin.max() - 273.15)
+    celsius = None if trajectory.temperature is None else trajectory.temperature - zero_Celsius
     met = with_switches(trajectory)  # steps that meet, without a ramp of the current between them
     drawn = met.discharge_capacity
     steps = tuple(_step_row(met, drawn, step) for step in met.steps)
@@ -115,8 +115,8 @@ def summary(record: Record) -> RecordSummary:
         interval_s=(float(spacing.min()), float(np.median(spacing)), float(spacing.max())),
         voltage=(float(trajectory.voltage.min()), float(trajectory.voltage.max())),
         current=(float(trajectory.current.min()), float(trajectory.current.max())),
-        temperature_c=None if warm is None else (float(warm[0]), float(warm[1]), float(warm[2])),
-        ambient_c=None if record.ambient_k is None else record.ambient_k - 273.15,
+        temperature_c=None if celsius is None else (float(celsius[0]), float(celsius.min()), float(celsius.max())),
+        ambient_c=None if record.ambient_k is None else record.ambient_k - zero_Celsius,
         steps=steps,
         cycles=tuple(_cycle_rows(met, drawn)),
         resistances=tuple(_resistances(trajectory)),
@@ -157,7 +157,7 @@ def _cycle_rows(trajectory: Trajectory, drawn: FloatArray) -> Iterator[CycleRow]
             cycle,
             charged_ah=max(discharged - float(drawn[last] - drawn[first]), 0.0),  # rounding may leave less than none
             discharged_ah=discharged,
-            warmest_c=None if kelvin is None else float(kelvin[first : last + 1].max()) - 273.15,
+            warmest_c=None if kelvin is None else float(kelvin[first : last + 1].max()) - zero_Celsius,
         )
 
 

@@ -12,14 +12,14 @@ from ...core.printable import shown
 from ...core.reading.part_of_file import file_and_part
 from ...core.run.journal import FILE_NAME, check_run_folder
 from ...core.task import Task
-from ..checked_options import as_mapping, as_names, as_numbers, simulation_workers
+from ..checked_options import as_mapping, as_names, simulation_workers
 from ..read_options import readings
 from ..request import RunRequest, run_request
 from ..run_settings import backend_options, given_budgets, run_config
-from ..task_request import CellChoice, Records
+from ..task_request import CellChoice
 from .calibration_result import CalibrationResult
 from .given_parameters import Parameters, given_parameters
-from .measured import Data, sources
+from .measured import Data, records_of
 
 
 def calibrate(
@@ -178,9 +178,20 @@ def calibrate(
             check_run_folder(Path(out))
         named = _names_a_task(data)
         reads = readings(
-            column, unit, current_sign, constant_current, current_offset, voltage_lag, where, cycles, sheet, temperature
+            column,
+            unit,
+            current_sign,
+            constant_current,
+            current_offset,
+            voltage_lag,
+            where,
+            cycles,
+            sheet,
+            reader,
+            reader_option,
+            temperature,
         )
-        fitted, held = sources(None if named else data, holdout, reads)  # type: ignore[arg-type]
+        given: Any = None if named else data
         budgets = given_budgets(rounds=rounds, warm_up=warmup, simulations=simulations, seed=seed)
         reached = backend_options(
             as_mapping(backend_option, "--backend-option"),
@@ -192,17 +203,7 @@ def calibrate(
         )
         asked = run_request(
             _task_named(data) if named else None,
-            Records(
-                fitted,
-                held,
-                reads,
-                reader,
-                as_mapping(reader_option, "--reader-option"),
-                as_numbers(initial_soc, "--initial-soc"),
-                as_protocol,
-                life,
-                fit_cycles,
-            ),
+            records_of(given, holdout, reads, initial_soc, as_protocol=as_protocol, life=life, fit_cycles=fit_cycles),
             CellChoice(
                 None if parameters is None else given_parameters(parameters),
                 model,

@@ -15,7 +15,7 @@ from ...core.printable import counted
 from ..report.page import FILE_NAME as REPORT
 from ..report.wording import number, quantity
 from ..run_record import RunRecord, read_run
-from .measured import READING, Data, sources
+from .measured import READING, Data, records_of
 from .notebook import picture_of, render
 from .scripts import namespace_of
 
@@ -150,25 +150,19 @@ class CalibrationResult:
         BsaError
             If the data cannot be read, or was fitted.
         """
-        from ..checked_options import as_mapping, as_numbers, simulation_workers
+        from ..checked_options import simulation_workers
         from ..new_folder import new_folder
         from ..predict import predict_records, write_scores
         from ..read_options import readings
         from ..run_names import named_after, numbered_folder
-        from ..task_request import Records
         from .prediction_result import PredictionResult
 
-        reader, reader_option = (
-            options.pop("reader", None),
-            as_mapping(options.pop("reader_option", None), "--reader-option"),
-        )
         unknown = sorted(set(options) - set(READING))
         if unknown:
             raise BsaError(f'there is no option "{unknown[0]}" for reading.', did_you_mean(unknown[0], READING))
-        reads = readings(**options)
-        given, _ = sources(data, None, reads)
-        records = Records(given, (), reads, reader, reader_option, as_numbers(initial_soc, "--initial-soc"))
-        place = Path(out) if out is not None else numbered_folder(self.folder / "predictions", named_after(given))
+        records = records_of(data, None, readings(**options), initial_soc)
+        name = named_after(records.sources)
+        place = Path(out) if out is not None else numbered_folder(self.folder / "predictions", name)
         with new_folder(place) as folder:
             scored = predict_records(self.folder, records.requests(), simulation_workers(workers))
             return PredictionResult(folder, write_scores(scored, folder), scored)

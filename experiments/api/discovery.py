@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.errors import BsaError
 from ...core.printable import shown
-from ..checked_options import as_mapping, as_names, as_numbers, simulation_workers
+from ..checked_options import as_mapping, as_names, simulation_workers
 from ..read_options import readings
 from ..run_settings import backend_options
-from ..task_request import Records
 from .discovery_result import DiscoveryResult
 from .given_parameters import Parameters, given_parameters
-from .measured import Data, sources
+from .measured import Data, records_of
 
 if TYPE_CHECKING:
     from ..discovery_case import DiscoverOptions
@@ -130,22 +129,24 @@ def discover(
     from ..discovery_case import discover_options
 
     reads = readings(
-        column, unit, current_sign, constant_current, current_offset, voltage_lag, where, cycles, sheet, temperature
+        column,
+        unit,
+        current_sign,
+        constant_current,
+        current_offset,
+        voltage_lag,
+        where,
+        cycles,
+        sheet,
+        reader,
+        reader_option,
+        temperature,
     )
-    fitted, held = sources(data, holdout, reads)
-    if not fitted:
+    records = records_of(data, holdout, reads, initial_soc, life=life, fit_cycles=fit_cycles)
+    if not records.sources:
         raise BsaError("data is empty.", "give one record at least.")
     asked = discover_options(
-        Records(
-            fitted,
-            held,
-            reads,
-            reader,
-            as_mapping(reader_option, "--reader-option"),
-            as_numbers(initial_soc, "--initial-soc"),
-            life=life,
-            fit_cycles=fit_cycles,
-        ),
+        records,
         None if out is None else Path(out),
         parameters=given_parameters(parameters),
         model=model,

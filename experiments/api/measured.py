@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from ...core.errors import BsaError
 from ...core.printable import shown, with_article
 from ...core.record import ReadOptions, Record
-from ..checked_options import FIELDS, as_mapping
+from ..checked_options import FIELDS, as_numbers
+from ..file_reading import FileReading
 from ..read_options import one_each, reading, readings
+from ..task_request import Records
 
 if TYPE_CHECKING:
     import pandas
@@ -83,21 +85,25 @@ def read_record(
     BsaError
         If the data cannot be read, naming the row or column at fault.
     """
-    options = reading(
-        column, unit, current_sign, constant_current, current_offset, voltage_lag, where, cycles, sheet, temperature
+    read = reading(
+        column,
+        unit,
+        current_sign,
+        constant_current,
+        current_offset,
+        voltage_lag,
+        where,
+        cycles,
+        sheet,
+        reader,
+        reader_option,
+        temperature,
     )
     given = data if isinstance(data, list | tuple) else [data]
     files = [Path(one) for one in given if isinstance(one, str | Path)]
     if files and len(files) == len(given):
-        from ...core.reading.reading import read_record as read_file
-
-        return read_file(
-            data if isinstance(data, str | Path) else files,
-            options,
-            reader=reader,
-            reader_options=as_mapping(reader_option, "--reader-option"),
-        )
-    return _read_frame(data, options, name or "DataFrame")
+        return read.record(data if isinstance(data, str | Path) else files)
+    return _read_frame(data, read.options, name or "DataFrame")
 
 
 def listed(data: Data | Sequence[Data] | None) -> list[Data]:
@@ -128,10 +134,16 @@ def source(data: Data, options: ReadOptions, number: int) -> Path | Record:
     return data
 
 
-def sources(
-    data: Data | Sequence[Data] | None, holdout: Data | Sequence[Data] | None, reads: Sequence[ReadOptions]
-) -> tuple[list[Path | Record], list[Path | Record]]:
-    """What a task reads of fitted and of held-out data, of which ``reads`` says how (`readings`).
+def records_of(
+    data: Data | Sequence[Data] | None,
+    holdout: Data | Sequence[Data] | None,
+    reads: Sequence[FileReading],
+    initial_soc: Any,
+    **how: Any,
+) -> Records:
+    """Fitted and held-out data as records, of which ``reads`` says how they are read (`readings`).
+
+    ``how`` are further fields of `Records`.
 
     Raises
     ------
@@ -141,8 +153,10 @@ def sources(
     fitted = listed(data)
     everything = [*fitted, *listed(holdout)]
     each = one_each(reads, len(everything))
-    found = [source(one, read, number) for number, (one, read) in enumerate(zip(everything, each, strict=True), 1)]
-    return found[: len(fitted)], found[len(fitted) :]
+    read = zip(everything, each, strict=True)
+    found = [source(one, how.options, number) for number, (one, how) in enumerate(read, 1)]
+    socs = as_numbers(initial_soc, "--initial-soc")
+    return Records(found[: len(fitted)], found[len(fitted) :], reads, socs, **how)
 
 
 def _left(options: ReadOptions) -> set[str]:

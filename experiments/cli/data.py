@@ -47,16 +47,12 @@ def data(
     as_json: Annotated[bool, shared.output_option("--json", help="Print everything as JSON.")] = False,
 ) -> None:
     """Say what files hold: signals, steps, cycles, resistances, slow curves and every problem."""
-    from ...core.reading.reading import read_file
     from ..read_options import one_each
 
     _check_outputs(files, join, plot, export, out)
     sources: list[Any] = [files] if join else list(files)
-    reads = one_each(reading.options(join), len(sources))
-    found = [
-        read_file(source, read, reader=reading.reader, reader_options=reading.reader_options)
-        for source, read in zip(sources, reads, strict=True)
-    ]
+    reads = one_each(reading.readings(join), len(sources))
+    found = [read.read(source) for source, read in zip(sources, reads, strict=True)]
     parts = [_parts(one) for one in found]
     if plot is not None:
         from ..data.picture import draw
@@ -153,6 +149,8 @@ def _contents(
 
 
 def _spectrum_content(found: ImpedanceSpectrum) -> dict[str, Any]:
+    from scipy.constants import zero_Celsius
+
     return {
         "kind": "impedance spectrum",
         "name": found.name,
@@ -161,7 +159,7 @@ def _spectrum_content(found: ImpedanceSpectrum) -> dict[str, Any]:
         "imaginary_ohm": found.impedance.imag.tolist(),
         "ohmic_ohm": found.ohmic_resistance,
         "voltage": found.voltage,
-        "temperature_c": None if found.temperature_k is None else found.temperature_k - 273.15,
+        "temperature_c": None if found.temperature_k is None else found.temperature_k - zero_Celsius,
         "problems": found.notes,
     }
 

@@ -108,9 +108,7 @@ def discover(
         Records(
             data,
             holdout or (),
-            reading.options(join),
-            reading.reader,
-            reading.reader_options,
+            reading.readings(join),
             initial_soc or (),
             life=life,
             fit_cycles=fit_cycles,

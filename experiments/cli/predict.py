@@ -38,7 +38,7 @@ def predict(
     from ..task_request import Records
     from .progress import PlainProgress, note_line, printable
 
-    records = Records(data, (), reading.options(), reading.reader, reading.reader_options, initial_soc or ())
+    records = Records(data, (), reading.readings(), initial_soc or ())
     with new_folder(out or numbered_folder(run / "predictions", named_after(data))) as folder:
         scored = predict_records(run, records.requests(), simulation_workers(workers), PlainProgress(""))
         page = write_scores(scored, folder)

@@ -200,9 +200,7 @@ def run(
         Records(
             data or (),
             holdout or (),
-            reading.options(join),
-            reading.reader,
-            reading.reader_options,
+            reading.readings(join),
             initial_soc or (),
             as_protocol,
             life,

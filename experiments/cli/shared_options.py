@@ -15,7 +15,7 @@ from . import completion
 from .usage_errors import option_or_argument
 
 if TYPE_CHECKING:
-    from ...core.record import ReadOptions
+    from ..file_reading import FileReading
 
 # Options stand in these groups on the help page, in this order.
 records_option = partial(typer.Option, rich_help_panel="Records")
@@ -190,13 +190,13 @@ class Reading:
         records_option(metavar="DEGC", help="Ambient temperature, in place of what the records say; repeat likewise."),
     ] = None
 
-    def options(self, join: bool = False) -> list[ReadOptions]:
-        """What headers do not say, and whether the files are of one cell: once for all files, or for each.
+    def readings(self, join: bool = False) -> list[FileReading]:
+        """How files are read, and whether they are of one cell: once for all files, or for each.
 
         Raises `BsaError` if an option is not valid, or two are repeated different numbers of times.
         """
         from ..read_options import readings
-        from ..run_settings import key_texts
+        from ..run_settings import key_texts, key_values
 
         return readings(
             key_texts(self.column, "--column"),
@@ -208,16 +208,11 @@ class Reading:
             key_texts(self.where, "--where"),
             self.cycles,
             self.sheet,
+            self.reader,
+            key_values(self.reader_option, "--reader-option"),
             self.temperature,
             join,
         )
-
-    @property
-    def reader_options(self) -> dict[str, Any]:
-        """The reader's own options."""
-        from ..run_settings import key_values
-
-        return key_values(self.reader_option, "--reader-option")
 
     @property
     def typed(self) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.constants import zero_Celsius
 
 from ...core.files import replacing
 from ...core.printable import rounded
@@ -61,7 +62,7 @@ def _signals(figure: Any, found: Record) -> None:
     cycles = summary(found).cycles
     curves = [("Voltage [V]", trajectory.voltage), ("Current [A]\n(positive on charge)", -trajectory.current)]
     if trajectory.temperature is not None:
-        curves.append(("Temperature [degC]", trajectory.temperature - 273.15))
+        curves.append(("Temperature [degC]", trajectory.temperature - zero_Celsius))
     rows = len(curves) + (len(cycles) >= _CYCLES)
     grid = figure.subplots(rows, 1, squeeze=False)[:, 0]
     hours = trajectory.time / 3600.0

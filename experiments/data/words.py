@@ -7,6 +7,7 @@ from functools import partial
 from typing import TypeVar
 
 import numpy as np
+from scipy.constants import zero_Celsius
 
 from ...core.printable import counted, rounded
 from ...core.reading.summary import RecordSummary, ResistanceRow, StepRow
@@ -127,7 +128,7 @@ def spectrum_lines(found: ImpedanceSpectrum) -> Iterator[str]:
     if found.voltage is not None:
         yield f"  voltage      {found.voltage:.3f} V"
     if found.temperature_k is not None:
-        yield f"  temperature  {found.temperature_k - 273.15:.1f} degC"
+        yield f"  temperature  {found.temperature_k - zero_Celsius:.1f} degC"
     ohmic = found.ohmic_resistance
     if ohmic is not None:
         yield f"  ohmic        {1e3 * ohmic:.2f} mohm, where the imaginary part is zero"

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pybamm
+from scipy.constants import zero_Celsius
 
 from ...core.discovery.observations import observe
 from ...core.discovery.simulator import MeasuredRecord
@@ -117,7 +118,7 @@ def _make(folder: Path, case: Draw, rng: np.random.Generator) -> dict[str, Any]:
     files, squares, count = [], 0.0, 0
     conditions = zip(case.protocols, case.ambients_c, case.socs, strict=True)
     for place, (name, ambient_c, soc) in enumerate(conditions, start=1):
-        record, exact = measure(hidden, protocol(name, *limits, rng), soc, ambient_c + 273.15, rng)
+        record, exact = measure(hidden, protocol(name, *limits, rng), soc, ambient_c + zero_Celsius, rng)
         held = place == len(case.protocols)
         cut = segment(record)  # a record that cannot even be cut, or that no reader takes, is no test
         if record.voltage.min() < 0.0:
@@ -151,7 +152,7 @@ def _noise_cost(record: Trajectory, exact: FloatArray, ambient_c: float) -> tupl
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         measured, exactly = (
-            MeasuredRecord("record", one, ambient_c + 273.15) for one in (record, record.changed(voltage=exact))
+            MeasuredRecord("record", one, ambient_c + zero_Celsius) for one in (record, record.changed(voltage=exact))
         )
         seen, true = observe(measured, POINTS), observe(exactly, POINTS)
     return float(np.sum(((seen.voltage - true.voltage) / seen.sigma) ** 2)), len(seen)
@@ -160,6 +161,6 @@ def _noise_cost(record: Trajectory, exact: FloatArray, ambient_c: float) -> tupl
 def _write(path: Path, record: Trajectory) -> None:
     assert record.temperature is not None
     rows = ["Time [s],Current [A],Voltage [V],Temperature [degC]"]
-    columns = zip(record.time, -record.current, record.voltage, record.temperature - 273.15, strict=True)
+    columns = zip(record.time, -record.current, record.voltage, record.temperature - zero_Celsius, strict=True)
     rows += [f"{t:.4f},{i:.5f},{v:.4f},{c:.2f}" for t, i, v, c in columns]
     write_text(path, "\n".join(rows) + "\n")

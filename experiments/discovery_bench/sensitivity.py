@@ -84,7 +84,7 @@ def _found_in(folder: Path) -> Findings:
         def make(model: CellModel, space: ParameterSpace, mesh: RadialMesh) -> Simulator:
             return RecordedSimulator(in_this_process(model, space, mesh), Prediction, journal.file, journal.earlier)
 
-        setup = set_up(read_case(options), options, make_simulator=make)
+        setup = set_up(read_case(options), options, make_simulator=make, journal=journal)
         return setup.engine(options.settings).run()
 
 

@@ -8,6 +8,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from scipy.constants import zero_Celsius
+
 from ...core.contracts.registry import installed
 from ...core.errors import BsaError, unknown
 from ...core.hooks import RunContext
@@ -50,7 +52,7 @@ def read_record(path: Path, options: Mapping[str, Any]) -> Json:
         "cycles": list(trajectory.cycles),
         "steps": [asdict(row) for row in summary(record).steps[:_MOST_STEPS]],
         "steps_in_all": len(trajectory.steps),
-        "ambient_c": None if record.ambient_k is None else round(record.ambient_k - 273.15, 2),
+        "ambient_c": None if record.ambient_k is None else round(record.ambient_k - zero_Celsius, 2),
         "notes": list(record.notes),
         "sign": "current is positive on discharge",
     }
@@ -152,8 +154,7 @@ def _task(data: str | list[Path], options: Mapping[str, Any], cell: Mapping[str,
     if isinstance(data, str):
         return find_task(data)
     _check_set(cell.get("parameters"))
-    read = reading(**{name: options[name] for name in measured.READING})
-    return task_of_records(Records(data, reads=[read], reader=options["reader"]), CellChoice(**cell))
+    return task_of_records(Records(data, reads=[reading(**options)]), CellChoice(**cell))
 
 
 def _check_set(parameters: str | None) -> None:

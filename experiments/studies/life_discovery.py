@@ -15,7 +15,6 @@ from ...core.discovery.findings import Findings
 from ...core.discovery.life import DEVIATION_V
 from ...core.discovery.life_discovery import LifeDiscovery
 from ...core.files import replacing
-from ...core.record import ReadOptions
 from ...plugins.pybamm.cells.parameter_sets import pybamm
 from ..campaign.summary import Row
 from ..campaign.text_tables import Entry, table_of
@@ -190,8 +189,8 @@ def ask(folder: Path, case: str, record: Path | None = None) -> dict[str, Any]:
         records = Records([path], reads=[reading(columns, temperature=25.0)], fit_cycles=FITTED)
         base = SET
     else:
-        read = ReadOptions(cycles=(1, _MEASURED_CYCLES))
-        records = Records([record], reads=[read], fit_cycles=_MEASURED_FITTED)
+        cycles = f"1-{_MEASURED_CYCLES}"
+        records = Records([record], reads=[reading(cycles=cycles)], fit_cycles=_MEASURED_FITTED)
         base = _MEASURED_SET
     began = processor_s()
     # No model comes down to the noise of a measured cell, so that no pair would count.

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from ...backends.opening import open_backend
-from ...core.record import ReadOptions
 from ...core.task import Task
 from ..campaign.summary import Row, grouped
 from ..campaign.text_tables import Entry, brief, table_of
+from ..read_options import reading
 from ..run import execute_run
 from ..run_record import RunRecord, read_run
 from ..run_settings import run_config
@@ -55,7 +55,7 @@ def items(data: Path) -> dict[str, dict[str, Any]]:
 
 def task_of_life(record: Path) -> Task:
     """The task of a measured life, as ``bsa-run --life`` makes it."""
-    records = Records([record], reads=[ReadOptions(cycles=(1, FORETOLD))], fit_cycles=FITTED)
+    records = Records([record], reads=[reading(cycles=f"1-{FORETOLD}")], fit_cycles=FITTED)
     return task_of_records(records, CellChoice(SET, MODEL))
 
 

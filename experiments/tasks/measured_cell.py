@@ -1,7 +1,7 @@
 """The cell that is to match the records, and what of it is searched."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -39,16 +39,21 @@ _CONTACT_SHARE = 0.6
 
 @dataclass(frozen=True)
 class CellRequest:
-    """What a person says of the cell; the fields are the parameters of `build_task`."""
+    """What a person says of the cell."""
 
+    # parameter_set, model, options, overrides, effects: As in `CellModel`. The set may be ``"nearest"``: that of the
+    # positive electrode among the nearest potentials. The parameters of the effects are searched too.
     parameter_set: ParameterSource
-    model: str
-    options: Mapping[str, Any]
-    overrides: Mapping[str, float]
-    search: str | Mapping[str, Any]
-    scale_to_capacity: bool
-    ocp: str
-    effects: tuple[str, ...]
+    model: str = "DFN"
+    options: Mapping[str, Any] = field(default_factory=dict)
+    overrides: Mapping[str, float] = field(default_factory=dict)
+    search: str | Mapping[str, Any] = "cell"  # Name of a preset, or parameters with bounds.
+    # Whether the electrode area is scaled when the cell is of another size than the parameter set's.
+    scale_to_capacity: bool = True
+    # Whose open-circuit potentials the cell starts with: ``"nearest"``, a set, or two with a slash between them (see
+    # `chosen_potentials`); empty keeps those of the parameter set.
+    ocp: str = ""
+    effects: Sequence[str] = ()
 
     @cached_property
     def given(self) -> frozenset[str]:
@@ -85,7 +90,7 @@ def measured_cell(
     out, K.
     """
     parameter_set, options, notes = _set_and_options(wanted, requests, records, ambient_k, held_out)
-    model = CellModel(parameter_set, wanted.model, options, wanted.overrides, wanted.effects)
+    model = CellModel(parameter_set, wanted.model, options, wanted.overrides, tuple(wanted.effects))
     overrides, capacity_ah, said = _values(wanted, model, requests, records, ambient_k)
     return MeasuredCell(replace(model, overrides=overrides), capacity_ah, [*notes, *said])
 

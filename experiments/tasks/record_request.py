@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
-from ...core.contracts.registry import installed
 from ...core.errors import BsaError
 from ...core.reading.parts import parts_between_gaps
-from ...core.record import ReadOptions, Record
+from ...core.record import Record
 from ...core.segmentation.recognised_protocol import recognised_protocol
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.task import Protocol
+from ..file_reading import FileReading
 from .lives import as_life
 from .record_start import open_circuit_start
 
@@ -26,9 +26,7 @@ class RecordRequest:
     """A record to be matched."""
 
     source: Path | Record | ImpedanceSpectrum  # The file, or what was read from it.
-    read: ReadOptions = field(default_factory=ReadOptions)  # What its header does not say.
-    reader: str | None = None  # The reader to use; None finds the one that fits.
-    reader_options: Mapping[str, Any] = field(default_factory=dict)  # The reader's own options.
+    reading: FileReading = field(default_factory=FileReading)  # How the file is read.
     # As in `Experiment`; ``"recognised"`` for that which the record's own steps show.
     protocol: Protocol | Literal["recognised"] | None = None
     # scored_cycle, temperature_k, initial_soc: As in `Experiment`.
@@ -56,11 +54,7 @@ class RecordRequest:
 
     def load(self) -> Record | ImpedanceSpectrum:
         """What its source holds. Raises `BsaError` if the file cannot be read."""
-        from ...core.reading.reading import read_file
-
-        if not isinstance(self.source, Path):
-            return self.source
-        return read_file(self.source, self.read, installed(), self.reader, self.reader_options)
+        return self.reading.read(self.source) if isinstance(self.source, Path) else self.source
 
     @property
     def is_life(self) -> bool:
@@ -91,15 +85,6 @@ class RecordRequest:
             return [replace(self, source=record)]
         first, *others = parts_between_gaps(record)
         return [replace(self, source=first), *(replace(self, source=part, initial_soc=None) for part in others)]
-
-
-def source_of(
-    files: Sequence[Path], read: ReadOptions, reader: str | None, reader_options: Mapping[str, Any]
-) -> Path | Record:
-    """A file, or what the files of one cell hold together."""
-    from ...core.reading.reading import read_record
-
-    return files[0] if len(files) == 1 else read_record(files, read, reader=reader, reader_options=reader_options)
 
 
 def parse_cycles(text: str) -> tuple[int, int]:

@@ -1,10 +1,9 @@
 """From measured records to a task: what to search, at which size, from which state of charge."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import chain, count
 from pathlib import Path
-from typing import Any
 
 from ...core.ageing.long_record import long_record
 from ...core.cell import CELL, SPECTRUM, TEMPERATURE
@@ -16,7 +15,7 @@ from ...core.record import Record
 from ...core.segmentation.recognised_protocol import with_switches
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.target import INITIAL_SOC, InitialSoc, soc_name
-from ...core.task import CellModel, Experiment, ParameterSource, Task
+from ...core.task import CellModel, Experiment, Task
 from ...core.trajectory import Trajectory
 from .cell_for_records import ISOTHERMAL, THERMAL, warms_by
 from .cell_size import other_size_note
@@ -30,56 +29,33 @@ _MANY_CYCLES = 50
 """Cycles from which on a record is more likely meant as a life: each simulation of so many takes minutes."""
 
 
-def build_task(
-    name: str,
-    parameter_set: ParameterSource,
-    records: Sequence[RecordRequest],
-    model: str = "DFN",
-    options: Mapping[str, Any] | None = None,
-    overrides: Mapping[str, float] | None = None,
-    search: str | Mapping[str, Any] = "cell",
-    scale_to_capacity: bool = True,
-    held_out: Sequence[RecordRequest] = (),
-    ocp: str = "",
-    effects: Sequence[str] = (),
-) -> Task:
-    """Read the records and put a task together.
+@dataclass(frozen=True)
+class MeasuredExperiments:
+    """Records as experiments on the cell that is to match them."""
 
-    Parameters
-    ----------
-    parameter_set, model, options, overrides
-        As in `CellModel`; the set may be ``"nearest"``: that of the positive electrode among the nearest potentials.
-    search : str or mapping
-        Name of a preset, or parameters with bounds.
-    scale_to_capacity : bool
-        Whether the electrode area is scaled when the cell is of another size than the parameter set's.
-    held_out : sequence of RecordRequest
-        What is not fitted, and scored after the search.
-    ocp : str
-        Whose open-circuit potentials the cell starts with: ``"nearest"``, a set, or two with a slash between them (see
-        `chosen_potentials`); empty keeps those of the parameter set.
-    effects : sequence of str
-        Effects of the catalogue that the cell model has too; their parameters are searched.
+    cell: MeasuredCell
+    records: list[Record]  # Those over time.
+    experiments: list[Experiment]  # One for each of them.
+    socs: list[float]  # States of charge at which these start, as far as they are known.
+    spectra: list[RecordRequest]  # Impedance spectra, read.
+    held_out: list[RecordRequest]  # What is not fitted, read, with what is forecast of lives.
+    notes: list[str]  # What is to be said of records and cell.
+    start_notes: list[str]  # What is to be said of where the experiments start.
 
-    Raises
-    ------
-    BsaError
-        If a file, a parameter set or a parameter does not exist or makes no sense.
-    """
+
+def measured_experiments(
+    wanted: CellRequest, records: Sequence[RecordRequest], held_out: Sequence[RecordRequest] = ()
+) -> MeasuredExperiments:
+    """Read the records and settle the cell that is to match them; see `build_task`."""
     asked, forecast = _divided(records)
     records, spectra = _over_time(asked)
     loaded = [_as_asked(request) for request in records]
     held_out = [replace(request, source=request.load()) for request in held_out]
     later = [(request, request.source) for request in held_out if isinstance(request.source, Record)]
     ambient_k = [_ambient_k(request, record) for request, record in (*zip(records, loaded, strict=True), *later)]
-    wanted = CellRequest(
-        parameter_set, model, options or {}, overrides or {}, search, scale_to_capacity, ocp, tuple(effects)
-    )
     cell = measured_cell(wanted, records, loaded, ambient_k, [record for _, record in later])
     _check_effects(cell.model, [*asked, *forecast, *held_out])
     experiments, socs, said = _fitted(records, loaded, cell)
-    space, left_out = searched_space(wanted, cell.model, loaded, spectra)
-    space = _with_initial_soc(space, experiments, socs, INITIAL_SOC in wanted.given, alone=len(asked) == 1)
     notes = [
         *(
             f"{request.whole_name or record.name}: {note}"
@@ -88,15 +64,38 @@ def build_task(
         ),
         *(note for request in spectra for note in spectrum_notes(request, cell.model)),
         *cell.notes,
-        *left_out,
-        *said,
     ]
-    by_current = all(request.protocol is None for request in records)
-    compared = by_current and warms_by(loaded) > 0.0 and cell.model.options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL
+    return MeasuredExperiments(cell, loaded, experiments, socs, spectra, [*forecast, *held_out], notes, said)
+
+
+def build_task(
+    name: str, wanted: CellRequest, records: Sequence[RecordRequest], held_out: Sequence[RecordRequest] = ()
+) -> Task:
+    """Read the records and put a task together.
+
+    Parameters
+    ----------
+    wanted : CellRequest
+        The cell, and what of it is searched.
+    records, held_out : sequence of RecordRequest
+        What is fitted, and what is not and is scored after the search.
+
+    Raises
+    ------
+    BsaError
+        If a file, a parameter set or a parameter does not exist or makes no sense.
+    """
+    found = measured_experiments(wanted, records, held_out)
+    cell, spectra = found.cell.model, found.spectra
+    space, left_out = searched_space(wanted, cell, found.records, spectra)
+    alone = len(found.experiments) + len(spectra) == 1
+    space = _with_initial_soc(space, found.experiments, found.socs, INITIAL_SOC in wanted.given, alone)
+    by_current = all(experiment.protocol is None for experiment in found.experiments)
+    compared = by_current and warms_by(found.records) > 0.0 and cell.options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL
     signals = (*CELL.signals, *[TEMPERATURE] * compared, *(SPECTRUM if spectra else ()))
-    experiments += [spectrum_experiment(request) for request in spectra]
-    task = Task(name, cell.model, space, tuple(experiments), tuple(notes), signals=signals)
-    return holding_out(task, (*forecast, *held_out))
+    experiments = (*found.experiments, *(spectrum_experiment(request) for request in spectra))
+    notes = (*found.notes, *left_out, *found.start_notes)
+    return holding_out(Task(name, cell, space, experiments, notes, signals=signals), found.held_out)
 
 
 def _fitted(

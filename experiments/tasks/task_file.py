@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel, Field, model_validator
+from scipy.constants import zero_Celsius
 
 from ...core.encoding import decode_task
 from ...core.errors import BsaError
@@ -17,15 +18,15 @@ from ...core.shape import decoding
 from ...core.task import Task, Weight
 from ...core.validation import validated
 from ...core.yaml_text import YAML_SUFFIXES, read_yaml
+from ..file_reading import FileReading
 from .influence import without_use
-from .record_request import RecordRequest, source_of
+from .measured_cell import CellRequest
+from .record_request import RecordRequest
 from .records import build_task
 from .signal_task_file import load_signal_task
 
 SUFFIXES = (*YAML_SUFFIXES, ".json")
 """Endings of task files."""
-
-ZERO_CELSIUS_K = 273.15
 
 
 class ExperimentEntry(BaseModel, extra="forbid"):
@@ -116,18 +117,17 @@ def task_from(content: TaskFile, folder: Path) -> Task:
 
     Raises `BsaError` if a record, a parameter set or a parameter does not exist or makes no sense.
     """
-    task = build_task(
-        name=content.name,
-        parameter_set=content.parameter_set,
-        model=content.model,
-        options=content.options,
-        overrides=content.overrides,
-        search=content.search,
+    cell = CellRequest(
+        content.parameter_set,
+        content.model,
+        content.options,
+        content.overrides,
+        content.search,
         ocp=content.ocp,
         effects=content.effects,
-        records=[_request(entry, folder) for entry in content.experiments],
-        held_out=[_request(entry, folder) for entry in content.held_out],
     )
+    records = [_request(entry, folder) for entry in content.experiments]
+    task = build_task(content.name, cell, records, [_request(entry, folder) for entry in content.held_out])
     notes = (*task.notes, *without_use(task.cell, content.overrides))
     return replace(task, weight=content.weight, notes=notes)
 
@@ -136,16 +136,15 @@ def _request(entry: ExperimentEntry, folder: Path) -> RecordRequest:
     read = entry.read
     if entry.temperature_degc is not None:  # a reader need not guess it
         read = read.model_copy(update={"ambient_c": entry.temperature_degc})
+    reading = FileReading(read, entry.reader, entry.reader_options)
     return RecordRequest(
-        source=source_of([folder / name for name in entry.files], read, entry.reader, entry.reader_options),
-        read=read,
-        reader=entry.reader,
-        reader_options=entry.reader_options,
+        source=reading.joined([folder / name for name in entry.files]),
+        reading=reading,
         protocol=read_protocol(entry.protocol) if isinstance(entry.protocol, list) else entry.protocol,
         scored_cycle=entry.scored_cycle,
         detailed_cycles=entry.detailed_cycles,
         fit_cycles=entry.fit_cycles,
-        temperature_k=None if entry.temperature_degc is None else entry.temperature_degc + ZERO_CELSIUS_K,
+        temperature_k=None if entry.temperature_degc is None else entry.temperature_degc + zero_Celsius,
         initial_soc=entry.initial_soc,
     )
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import zero_Celsius
 
 from ...core.errors import BsaError
 from ...core.extras import require
@@ -77,9 +78,9 @@ def write(data: Record | Trajectory, path: Path, steps: bool = True) -> None:
         "Current / A": -trajectory.current + 0.0,
     }
     if trajectory.temperature is not None:
-        columns["Temperature T1 / degC"] = np.round(trajectory.temperature - 273.15, 9)
+        columns["Temperature T1 / degC"] = np.round(trajectory.temperature - zero_Celsius, 9)
     if ambient_k is not None:
-        columns["Ambient Temperature / degC"] = np.full(len(trajectory), round(ambient_k - 273.15, 9))
+        columns["Ambient Temperature / degC"] = np.full(len(trajectory), round(ambient_k - zero_Celsius, 9))
     if steps and trajectory.steps:
         lengths = [step.stop - step.start for step in trajectory.steps]
         columns["Cycle Count / 1"] = np.repeat([float(step.cycle) for step in trajectory.steps], lengths)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
+from scipy.constants import zero_Celsius
 
 from ...core.errors import BsaError
 from ...core.printable import listed, shown
@@ -17,7 +18,7 @@ from .table import no_column
 
 SIGNALS: tuple[Signal, ...] = get_args(Signal)
 
-_ZERO_C_IN_K, _ZERO_C_IN_F = 273.15, 32.0
+_ZERO_C_IN_F = 32.0
 _KELVIN = ("k", "kelvin")
 _FAHRENHEIT = ("degf", "°f", "f", "fahrenheit", "deg f", "degreefahrenheit", "degree_fahrenheit")
 
@@ -127,7 +128,7 @@ class Column:
             return values
         zero = _ZERO_C_IN_F if self.unit in _FAHRENHEIT else 0.0
         factor = _FACTORS["temperature"][self.unit] if self.unit else 1.0
-        return np.asarray((values - zero) * factor + _ZERO_C_IN_K)
+        return np.asarray((values - zero) * factor + zero_Celsius)
 
 
 def split_name(name: str) -> tuple[str, str | None]:

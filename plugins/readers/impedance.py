@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 from pydantic import BaseModel, Field
+from scipy.constants import zero_Celsius
 
 from ...core.errors import BsaError
 from ...core.printable import counted, listed, shown, were
@@ -142,7 +143,7 @@ def spectrum_of(
     rest = None if voltage is None else _median(numbers(read.texts[voltage], True))
     around = None if ambient is None else _first(kelvin(ambient, read.texts[ambient.index], True))
     if options.ambient_c is not None:
-        around = options.ambient_c + 273.15
+        around = options.ambient_c + zero_Celsius
     return ImpedanceSpectrum(
         table.source,
         frequency[kept],

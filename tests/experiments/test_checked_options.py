@@ -56,12 +56,12 @@ def test_one_name_is_a_list_of_one():
 def test_a_number_of_each_record_is_checked_once(monkeypatch):
     checked = []
     monkeypatch.setattr("bsa.experiments.read_options.as_number", lambda value, option: checked.append(value) or value)
-    assert [one.current_offset_a for one in readings(current_offset=[0.1, 0.2], voltage_lag=3.0)] == [0.1, 0.2]
+    assert [one.options.current_offset_a for one in readings(current_offset=[0.1, 0.2], voltage_lag=3.0)] == [0.1, 0.2]
     assert checked == [0.1, 0.2, 3.0]
 
 
 def test_a_column_may_be_numbered():
-    assert reading({"time": 0}).columns == {"time": "0"}
+    assert reading({"time": 0}).options.columns == {"time": "0"}
     time = np.arange(0.0, 1000.0, 10.0)
     frame = pd.DataFrame({0: time, 1: 4.0 - time / 5000, 2: np.full(100, -2.0)})
     record = bsa.read_record(frame, column={"time": 0, "voltage": 1, "current": 2})

@@ -8,11 +8,11 @@ import pandas
 import pytest
 from bsa.core.encoding import decode_task, encode_task
 from bsa.core.errors import BsaError
-from bsa.core.record import ReadOptions
 from bsa.core.target import CellChange
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Trajectory
 from bsa.experiments.cli.main import app
+from bsa.experiments.read_options import reading
 from bsa.experiments.task_request import CellChoice, Records, task_of_records
 from bsa.plugins.pybamm.cells.parameter_sets import load
 from bsa.plugins.pybamm.solving.experiment_kinds import solve_reference
@@ -170,7 +170,7 @@ def test_joined_files_are_one_record(tmp_path) -> None:
     for path, part in zip(paths, (whole[:half], whole[half:]), strict=True):
         part.to_csv(path, index=False)
     cell = CellChoice("Chen2020", "SPM")
-    (joined,) = task_of_records(Records(paths, reads=[ReadOptions(join=True)]), cell).experiments
+    (joined,) = task_of_records(Records(paths, reads=[reading(join=True)]), cell).experiments
     assert joined.target.duration == pytest.approx(whole["Time [s]"].max(), rel=0.1)
     assert len(task_of_records(Records(paths), cell).experiments) == 2
 

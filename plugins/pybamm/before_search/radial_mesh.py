@@ -31,20 +31,27 @@ _UNKNOWN_SOC = 0.9
 class RadialMesh:
     """Mesh and tolerances that resolve the particles."""
 
-    # usual, fine: For a search, and for the check on it. The usual number of radial points, and twice as many, where
-    # these are enough.
-    usual: Resolution
-    fine: Resolution
+    radial_points: int  # In each particle.
     shift_v: float  # What twice the usual points change, V (root mean square); infinite if it could not be simulated.
+
+    @property
+    def usual(self) -> Resolution:
+        """For a search."""
+        return replace(SEARCH, radial_points=self.radial_points)
+
+    @property
+    def fine(self) -> Resolution:
+        """For the check on a search, with twice as many points."""
+        return replace(FINE, radial_points=2 * self.radial_points)
 
     @property
     def note(self) -> str:
         """In words, what was chosen; empty where the usual mesh is enough."""
-        if self.usual == SEARCH:
-            return ""
         first, second = _POINTS[:2]
+        if self.radial_points == first:
+            return ""
         moved = f"from {first} to {second} the voltage moves by {1e3 * self.shift_v:.0f} mV"
-        return f"{self.usual.radial_points} mesh points resolve each particle: {moved}"
+        return f"{self.radial_points} mesh points resolve each particle: {moved}"
 
 
 def radial_mesh(
@@ -80,6 +87,4 @@ def radial_mesh(
             break
         chosen, coarse = finer, fine
     shift_v = shifts[0] if shifts else np.inf
-    if chosen == _POINTS[0]:
-        return RadialMesh(SEARCH, FINE, shift_v)
-    return RadialMesh(replace(SEARCH, radial_points=chosen), replace(FINE, radial_points=2 * chosen), shift_v)
+    return RadialMesh(chosen, shift_v)

@@ -94,3 +94,16 @@ def test_metadata_that_cannot_be_read_is_passed_over(stranger: Install) -> None:
     damaged.mkdir()
     (damaged / "entry_points.txt").write_bytes(b"[bsa]\n\xff\xfe = x\n")
     assert "zz-mem" in Registry().load_entry_points().names("memory")
+
+
+def test_a_distribution_that_another_of_its_name_hides_is_passed_over(
+    stranger: Install, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stranger(LISTING.format(body="yield Entry('zz-mem', dict, 's', api=1)"), "zz-plugin")
+    assert "zz-mem" in Registry().load_entry_points().names("memory")
+    newer = tmp_path / "earlier-on-the-path"
+    about = newer / "zz_plugin-0.2.dist-info"
+    about.mkdir(parents=True)
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: zz-plugin\nVersion: 0.2\n")
+    monkeypatch.syspath_prepend(str(newer))
+    assert "zz-mem" not in Registry().load_entry_points().names("memory")

@@ -210,7 +210,7 @@ def test_help_is_quick_and_needs_no_heavy_library() -> None:
 
 
 def test_options_about_the_record_are_text() -> None:
-    read = Reading(column=["time=1e3"], unit=["current=off"], where=["Step=010", "On=yes"]).options()[0]
+    read = Reading(column=["time=1e3"], unit=["current=off"], where=["Step=010", "On=yes"]).readings()[0].options
     assert read.columns == {"time": "1e3"}
     assert read.units == {"current": "off"}
     assert read.where == {"Step": "010", "On": "yes"}
@@ -220,7 +220,7 @@ def test_where_takes_the_rows_that_say_the_same(folder: Path) -> None:
     lines = GOOD_CSV.splitlines()
     steps = ["Step", *("010" if k < 40 else "8" for k in range(60))]
     (folder / "steps.csv").write_text("\n".join(f"{line},{step}" for line, step in zip(lines, steps, strict=True)))
-    read = Reading(where=["Step=010"]).options()[0]
+    read = Reading(where=["Step=010"]).readings()[0].options
     assert len(read_record(folder / "steps.csv", read).trajectory) == 40
 
 

@@ -57,7 +57,7 @@ def test_the_journals_of_the_cases_are_read_and_not_written(tmp_path, monkeypatc
         def predict(self, requests):
             return [None for _ in requests]
 
-    def set_up(case, options, make_simulator):
+    def set_up(case, options, make_simulator, journal):
         def run():
             make_simulator(None, None, None).predict([SimpleNamespace(identity={"asked": "now"})])
             return findings

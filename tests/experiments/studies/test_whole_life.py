@@ -66,5 +66,5 @@ def test_the_files_are_taken_as_the_command_takes_them(monkeypatch: pytest.Monke
     with pytest.raises(Stopped):
         forecast(tmp_path, "cell", Path("x.csv"))
     assert asked["sources"] == [Path("x.csv")]
-    assert [read.cycles for read in asked["reads"]] == [(1, FORETOLD)]  # type: ignore[attr-defined]
+    assert [read.options.cycles for read in asked["reads"]] == [(1, FORETOLD)]  # type: ignore[attr-defined]
     assert (asked["fit_cycles"], asked["scaffold"], asked["analysing"]) == (FITTED, "ageing", True)

@@ -7,6 +7,7 @@ from bsa.core.record import Record
 from bsa.core.task import CellModel, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.tasks.influence import simulated_models, without_use
+from bsa.experiments.tasks.measured_cell import CellRequest
 from bsa.experiments.tasks.record_request import RecordRequest
 from bsa.experiments.tasks.records import build_task
 
@@ -24,12 +25,14 @@ RECORD = Record(
 
 
 def task(search, model: str = "SPM", **settings) -> Task:
-    return build_task("t", "Chen2020", [RecordRequest(RECORD)], model, search=search, **settings)
+    return build_task("t", CellRequest("Chen2020", model, search=search, **settings), [RecordRequest(RECORD)])
 
 
 @pytest.mark.parametrize("protocol", [None, (("Discharge at 1C until 2.6 V",),)])
 def test_a_preset_leaves_out_what_the_model_does_not_depend_on_and_says_so_once(protocol) -> None:
-    built = build_task("t", "Chen2020", [RecordRequest(RECORD, protocol=protocol)], "SPM", search="geometry")
+    built = build_task(
+        "t", CellRequest("Chen2020", "SPM", search="geometry"), [RecordRequest(RECORD, protocol=protocol)]
+    )
     assert SEPARATOR not in built.space
     assert len(built.space) == 4
     (said,) = (note for note in built.notes if "does not depend on" in note)
@@ -37,7 +40,9 @@ def test_a_preset_leaves_out_what_the_model_does_not_depend_on_and_says_so_once(
     assert "not searched: Separator thickness, Negative electrode porosity, " in said
     (said,) = (note for note in task("cell").notes if "does not depend on" in note)
     assert said.endswith("Electrolyte conductivity, Electrolyte diffusivity, Thermodynamic factor.")
-    whole = build_task("t", "Chen2020", [RecordRequest(RECORD, protocol=protocol)], "SPMe", search="geometry")
+    whole = build_task(
+        "t", CellRequest("Chen2020", "SPMe", search="geometry"), [RecordRequest(RECORD, protocol=protocol)]
+    )
     assert len(whole.space) == 9
     assert not any("does not depend on" in note for note in whole.notes)
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.inference.prediction import begins_under_load
-from bsa.core.record import ReadOptions, Record
+from bsa.core.record import Record
 from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.experiments.read_options import reading
 from bsa.experiments.task_request import CellChoice, Records, task_of_records
 from bsa.experiments.tasks.lives import USUAL_GROWTH, cracks_note, with_ageing
 from bsa.experiments.tasks.record_request import RecordRequest
@@ -132,7 +133,7 @@ CALCE = Path(__file__).parents[4] / "shared" / "data" / "calce_cs2" / "CS2_35_al
 @pytest.mark.real_data
 @pytest.mark.skipif(not CALCE.is_file(), reason="the measured cells are not beside this checkout")
 def test_a_measured_life_is_read() -> None:
-    records = Records([CALCE], reads=[ReadOptions(cycles=(1, 500))], fit_cycles=200)
+    records = Records([CALCE], reads=[reading(cycles="1-500")], fit_cycles=200)
     task = task_of_records(records, CellChoice("Ai2020", "SPM"))
     (fitted,), (later,) = task.experiments, task.held_out
     assert fitted.protocol is not None

@@ -11,6 +11,7 @@ from bsa.core.task import Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.core.trial import Trial
 from bsa.experiments.run_record import RunRecord
+from bsa.experiments.tasks.measured_cell import CellRequest
 from bsa.experiments.tasks.parameter_source import parameter_source, with_its_space
 from bsa.experiments.tasks.record_request import RecordRequest
 from bsa.experiments.tasks.records import build_task
@@ -29,7 +30,7 @@ def at_rest(name: str, voltage: float) -> Record:
 
 def task_of(*records: Record) -> Task:
     search = {INITIAL_SOC: {"lower": 0.0, "upper": 1.0}, SHAPE: {"lower": -0.1, "upper": 0.1}}
-    return build_task("t", "Chen2020", [RecordRequest(one) for one in records], model="SPM", search=search)
+    return build_task("t", CellRequest("Chen2020", "SPM", search=search), [RecordRequest(one) for one in records])
 
 
 def finished(task: Task) -> RunRecord:
@@ -68,7 +69,7 @@ def test_what_a_simpler_model_does_not_depend_on_is_left_out_of_an_earlier_runs_
     conductivity = "Electrolyte conductivity [S.m-1] factor"
     search = {conductivity: {"factors": [0.5, 2.0]}, SHAPE: {"lower": -0.1, "upper": 0.1}}
     request = [RecordRequest(at_rest("a", 3.9))]
-    earlier = build_task("t", "Chen2020", request, model="SPMe", search=search)
+    earlier = build_task("t", CellRequest("Chen2020", "SPMe", search=search), request)
     best = {conductivity: 1.2, SHAPE: 0.08}
     trial = Trial(0, "initial", 0, best, SignalMetrics(1.0, {}), None, np.ones(3), Feedback({}), (), 0.0)
     run = RunRecord("run", earlier, {}, {}, "", "finished", (trial,), (), ())

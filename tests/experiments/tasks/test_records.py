@@ -1,6 +1,7 @@
 """What a person says of records, parameters and options is kept."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +13,7 @@ from bsa.core.target import CellChange
 from bsa.core.task import ParameterFile, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.tasks.cell_for_records import WIDTH, volume_and_surface, with_chosen_potentials
-from bsa.experiments.tasks.measured_cell import CONTACT, RESISTANCE
+from bsa.experiments.tasks.measured_cell import CONTACT, RESISTANCE, CellRequest
 from bsa.experiments.tasks.record_request import RecordRequest
 from bsa.experiments.tasks.records import build_task, holding_out
 from bsa.plugins.pybamm.cells.parameter_files import as_json
@@ -46,7 +47,7 @@ def record(name: str = "r", *, rest: bool = True, amperes: float = 5.0, cycles: 
 
 
 def task_of(*records: Record, **settings):
-    return build_task("t", "Chen2020", [RecordRequest(one) for one in records], model="SPM", **settings)
+    return build_task("t", CellRequest("Chen2020", "SPM", **settings), [RecordRequest(one) for one in records])
 
 
 def test_a_start_that_a_person_writes_is_never_replaced() -> None:
@@ -98,7 +99,7 @@ def test_a_cell_that_warms_has_a_thermal_model_whose_temperature_is_fitted() -> 
     assert "(20, 20 kJ/mol" in said
     assert "Electrolyte conductivity activation energy [J.mol-1]" in load(warm.cell.parameter_set)
     assert "Negative particle diffusivity [m2.s-1] factor" in warm.space.names
-    other = build_task("t", "OKane2022", [RecordRequest(warming(12.0))], model="SPM")
+    other = build_task("t", CellRequest("OKane2022", "SPM"), [RecordRequest(warming(12.0))])
     assert other.cell.options["thermal"] == "lumped"
     assert not any("diffusivities" in note for note in other.notes)
     # A record without a temperature is compared by its voltage.
@@ -112,13 +113,12 @@ def test_transport_depends_on_the_temperature_where_the_temperatures_differ_and_
     assert energy in load(task_of(*rooms, search="cell").cell.parameter_set)
     assert energy not in load(task_of(rooms[0], search="cell").cell.parameter_set)
     asked = [RecordRequest(slow(key), temperature_k=kelvin) for key, kelvin in (("a", 283.15), ("b", 298.15))]
-    assert energy in load(build_task("t", "Chen2020", asked, model="SPM").cell.parameter_set)
+    assert energy in load(build_task("t", CellRequest("Chen2020", "SPM"), asked).cell.parameter_set)
     later = [RecordRequest(rooms[1])]
-    colder = build_task("t", "Chen2020", [RecordRequest(rooms[0])], model="SPM", held_out=later)
+    colder = build_task("t", CellRequest("Chen2020", "SPM"), [RecordRequest(rooms[0])], held_out=later)
     assert energy in load(colder.cell.parameter_set)
-    alike = build_task(
-        "t", "Chen2020", [RecordRequest(rooms[1])], model="SPM", held_out=[replace(later[0], source=slow())]
-    )
+    slowly = [replace(later[0], source=slow())]
+    alike = build_task("t", CellRequest("Chen2020", "SPM"), [RecordRequest(rooms[1])], held_out=slowly)
     assert energy not in load(alike.cell.parameter_set)
     said = task_of(*rooms, search="cell", overrides={name: 2e-14})
     assert load(said.cell.parameter_set, said.cell.overrides)[name] == 2e-14
@@ -132,8 +132,8 @@ def test_activation_energies_are_searched_where_the_fitted_records_tell_them() -
     name = f"{rate} additional activation energy [J.mol-1]"
     cold, warm = (RecordRequest(record(key), temperature_k=kelvin) for key, kelvin in (("a", 283.15), ("b", 298.15)))
 
-    def task(*fitted: RecordRequest, **more: Any) -> Task:
-        return build_task("t", "OKane2022", list(fitted), model="SPM", **more)
+    def task(*fitted: RecordRequest, held_out: Sequence[RecordRequest] = (), **more: Any) -> Task:
+        return build_task("t", CellRequest("OKane2022", "SPM", **more), fitted, held_out)
 
     assert task(cold, warm).space[name].initial == 0.0
     assert any("15 K apart" in note for note in task(cold, warm).notes)
@@ -145,18 +145,18 @@ def test_activation_energies_are_searched_where_the_fitted_records_tell_them() -
 
 def test_an_ideal_electrolyte_is_replaced_by_a_measured_one_where_its_factor_is_searched() -> None:
     name = "Thermodynamic factor"
-    started = build_task("t", "Chen2020", [RecordRequest(record())], search="cell")
+    started = build_task("t", CellRequest("Chen2020", search="cell"), [RecordRequest(record())])
     assert started.space[name].initial == load(started.cell.parameter_set, started.cell.overrides)[name] == 2.2
     assert any("2.2, that of measured electrolytes" in note for note in started.notes)
-    measured = build_task("t", "Ai2020", [RecordRequest(record())], model="SPM", search="cell")
+    measured = build_task("t", CellRequest("Ai2020", "SPM", search="cell"), [RecordRequest(record())])
     assert not any(name in searched for searched in measured.space.names)
     own = ParameterFile("own", "parameter-values", as_json(load("Chen2020")))
     kept = [
         measured,
         task_of(record(), search="geometry"),
         task_of(record(), search="cell"),  # the SPM has no electrolyte
-        build_task("t", "Chen2020", [RecordRequest(record())], search="cell", overrides={name: 1.0}),
-        build_task("t", own, [RecordRequest(record())], search="cell"),
+        build_task("t", CellRequest("Chen2020", search="cell", overrides={name: 1.0}), [RecordRequest(record())]),
+        build_task("t", CellRequest(own, search="cell"), [RecordRequest(record())]),
     ]
     for task in kept:
         assert not any("measured electrolytes" in note for note in task.notes)
@@ -179,7 +179,7 @@ def test_a_fast_cell_whose_temperature_was_not_measured_has_a_thermal_model_that
     # Rests do not count, and a part of a discharge does not tell the charge.
     assert task_of(record(), search="cell").cell.options["thermal"] == "lumped"
     slow_one, fast_one = RecordRequest(slow()), RecordRequest(record("f", amperes=8.0))
-    later = build_task("t", "Chen2020", [slow_one], model="SPM", held_out=[fast_one])
+    later = build_task("t", CellRequest("Chen2020", "SPM"), [slow_one], held_out=[fast_one])
     assert later.cell.options["thermal"] == "lumped"
     part = record()
     part = replace(part, trajectory=part.trajectory.changed(voltage=0.2 * part.trajectory.voltage + 3.0))
@@ -193,10 +193,10 @@ def test_a_fast_cell_whose_set_does_not_say_how_it_is_cooled_stays_isothermal_un
     stated = {key: value for key, value in json.loads(as_json(load("Chen2020"))).items() if key != cooling}
     file = ParameterFile("cell.json", "parameter-values", json.dumps(stated))
     request = RecordRequest(record(rest=False, amperes=8.0))
-    task = build_task("t", file, [request], model="SPM")
+    task = build_task("t", CellRequest(file, "SPM"), [request])
     assert "thermal" not in task.cell.options
     assert any("cell.json does not say how its cell is cooled. The model stays isothermal" in n for n in task.notes)
-    asked = build_task("t", file, [request], model="SPM", options={"thermal": "lumped"})
+    asked = build_task("t", CellRequest(file, "SPM", options={"thermal": "lumped"}), [request])
     assert asked.space[cooling].initial == 10.0
     assert any("a heat transfer coefficient of 10 W.m-2.K-1 is taken, that of Chen2020" in n for n in asked.notes)
 
@@ -216,7 +216,8 @@ def test_c_rates_are_those_of_the_cell_at_hand() -> None:
     assert name not in task_of(record(), search="cell").cell.overrides
     # A protocol in C-rates was one of the set's.
     request = RecordRequest(record(), protocol=(("Discharge at 1C for 10 minutes",),))
-    assert name not in build_task("t", "Chen2020", [request], overrides={WIDTH: 3.16}, search="geometry").cell.overrides
+    wanted = CellRequest("Chen2020", overrides={WIDTH: 3.16}, search="geometry")
+    assert name not in build_task("t", wanted, [request]).cell.overrides
 
 
 def test_a_cell_of_many_sheets_is_not_cooled_like_one_sheet() -> None:
@@ -250,7 +251,7 @@ def test_a_voltage_under_load_is_no_open_circuit_voltage() -> None:
     shown = record(rest=False, amperes=0.5, cycles=2)
     unknown, jumps = (task_of(one, search="cell", scale_to_capacity=False) for one in (few, shown))
     assert jumps.experiments[0].initial_soc > unknown.experiments[0].initial_soc
-    asked = build_task("t", "Chen2020", [RecordRequest(record(rest=False), initial_soc=0.9)], model="SPM")
+    asked = build_task("t", CellRequest("Chen2020", "SPM"), [RecordRequest(record(rest=False), initial_soc=0.9)])
     assert asked.experiments[0].initial_soc == asked.space[SOC].initial == 0.9
 
 
@@ -265,7 +266,7 @@ def test_charge_that_drifts_over_cycles_does_not_make_a_larger_cell() -> None:
 
 def test_a_cold_record_starts_where_the_cold_cell_shows_its_first_voltage() -> None:
     cold = replace(record(), ambient_k=273.15)
-    task = build_task("t", "Mohtat2020", [RecordRequest(cold)], model="SPM")
+    task = build_task("t", CellRequest("Mohtat2020", "SPM"), [RecordRequest(cold)])
     start = task.experiments[0].initial_soc
     values = load("Mohtat2020", task.cell.overrides)
     values.update({"Initial temperature [K]": 273.15})
@@ -303,16 +304,16 @@ def test_the_potentials_of_another_set_are_offered_and_taken_where_that_is_asked
 
 
 def test_the_nearest_set_is_that_of_the_positive_electrode() -> None:
-    task = build_task("t", "nearest", [RecordRequest(slow_discharge())], model="SPM")
+    task = build_task("t", CellRequest("nearest", "SPM"), [RecordRequest(slow_discharge())])
     assert str(task.cell.parameter_set) == "Ecker2015 with the potentials of Ecker2015"
     assert any("all else from Ecker2015" in note for note in task.notes)
     assert not any("Rates of" in note for note in task.notes)
     with pytest.raises(BsaError, match="at 1C or less"):
-        build_task("t", "nearest", [RecordRequest(slow_discharge(hours=0.5))], model="SPM")
+        build_task("t", CellRequest("nearest", "SPM"), [RecordRequest(slow_discharge(hours=0.5))])
 
 
 def test_without_a_slow_record_a_discharge_at_1c_tells_the_set_and_a_note_says_so() -> None:
-    notes = build_task("t", "nearest", [RecordRequest(slow_discharge(hours=1.0))], model="SPM").notes
+    notes = build_task("t", CellRequest("nearest", "SPM"), [RecordRequest(slow_discharge(hours=1.0))]).notes
     assert any(
         "of the record at about 1C (none is slow" in note and "all else from Ecker2015" in note for note in notes
     )
@@ -328,7 +329,7 @@ def test_rates_of_the_nearest_set_that_are_far_from_all_others_are_replaced_and_
 
 def test_nothing_is_said_of_potentials_that_are_near_or_where_every_record_is_fast() -> None:
     assert not any("open-circuit potentials" in note for note in task_of(slow_discharge(hours=0.5)).notes)
-    own = build_task("t", "Ecker2015", [RecordRequest(slow_discharge())], model="SPM")
+    own = build_task("t", CellRequest("Ecker2015", "SPM"), [RecordRequest(slow_discharge())])
     assert not any("open-circuit potentials" in note for note in own.notes)
 
 
@@ -343,8 +344,10 @@ def test_effects_are_part_of_the_model_and_their_parameters_are_searched() -> No
 def test_an_effect_on_the_measured_current_is_refused_where_a_protocol_is_simulated() -> None:
     told = RecordRequest(record(), protocol=(("Discharge at 5 A for 10 minutes",),), initial_soc=0.9)
     with pytest.raises(BsaError, match="acts on the measured current"):
-        build_task("t", "Chen2020", [told], "SPM", effects=["self-discharge"])
-    driven = build_task("t", "Chen2020", [RecordRequest(record("driven"))], "SPM", effects=["self-discharge"])
+        build_task("t", CellRequest("Chen2020", "SPM", effects=["self-discharge"]), [told])
+    driven = build_task(
+        "t", CellRequest("Chen2020", "SPM", effects=["self-discharge"]), [RecordRequest(record("driven"))]
+    )
     with pytest.raises(BsaError, match="acts on the measured current"):
         holding_out(driven, [told])
 

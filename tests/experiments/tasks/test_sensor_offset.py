@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from bsa.core.record import Record
 from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.experiments.tasks.measured_cell import CellRequest
 from bsa.experiments.tasks.record_request import RecordRequest
 from bsa.experiments.tasks.records import build_task, holding_out
 
@@ -25,7 +26,7 @@ def starts_k(offset_k: float, told: bool = True) -> tuple[list[float], list[str]
     ambient_k = AMBIENT_K if told else None
     fitted = RecordRequest(record(AMBIENT_K + offset_k), temperature_k=ambient_k)
     later = RecordRequest(record(AMBIENT_K + offset_k, "later.csv"), temperature_k=ambient_k)
-    task = holding_out(build_task("t", "OKane2022", [fitted], model="SPM"), [later])
+    task = holding_out(build_task("t", CellRequest("OKane2022", "SPM"), [fitted]), [later])
     found = [float(e.target.temperature[0]) for e in (*task.experiments, *task.held_out)]
     return found, [note for note in task.notes if "compared as a rise" in note]
 
@@ -51,7 +52,7 @@ def cooling(first_k: float, name: str = "cell.csv", ambient_k: float | None = No
 def test_a_cell_that_cools_was_warm_however_little() -> None:
     request = RecordRequest(cooling(AMBIENT_K + 2.0), temperature_k=AMBIENT_K)
     later = RecordRequest(cooling(AMBIENT_K + 2.0, "later.csv"), temperature_k=AMBIENT_K)
-    task = holding_out(build_task("t", "OKane2022", [request], model="SPM"), [later])
+    task = holding_out(build_task("t", CellRequest("OKane2022", "SPM"), [request]), [later])
     for experiment in (*task.experiments, *task.held_out):
         assert (experiment.temperature_k, experiment.initial_temperature_k) == (AMBIENT_K, AMBIENT_K + 2.0)
         assert experiment.target.temperature is not None
@@ -62,12 +63,11 @@ def test_a_cell_that_cools_was_warm_however_little() -> None:
 
 def test_a_cell_that_is_further_off_than_sensors_starts_there_too() -> None:
     for off_k in (9.0, -9.0):
-        (experiment,) = build_task(
-            "t", "OKane2022", [RecordRequest(record(AMBIENT_K + off_k), temperature_k=AMBIENT_K)], model="SPM"
-        ).experiments
+        request = RecordRequest(record(AMBIENT_K + off_k), temperature_k=AMBIENT_K)
+        (experiment,) = build_task("t", CellRequest("OKane2022", "SPM"), [request]).experiments
         assert experiment.initial_temperature_k == AMBIENT_K + off_k
     near = RecordRequest(record(AMBIENT_K + 0.6), temperature_k=AMBIENT_K)
-    assert build_task("t", "OKane2022", [near], model="SPM").experiments[0].initial_temperature_k is None
+    assert build_task("t", CellRequest("OKane2022", "SPM"), [near]).experiments[0].initial_temperature_k is None
 
 
 def test_without_a_given_temperature_nothing_is_shifted() -> None:
@@ -76,7 +76,7 @@ def test_without_a_given_temperature_nothing_is_shifted() -> None:
 
 def test_a_file_that_has_its_ambient_temperature_is_shifted_too() -> None:
     request = RecordRequest(record(AMBIENT_K - 0.4, ambient_k=AMBIENT_K))
-    (experiment,) = build_task("t", "OKane2022", [request], model="SPM").experiments
+    (experiment,) = build_task("t", CellRequest("OKane2022", "SPM"), [request]).experiments
     assert experiment.target.temperature is not None
     assert experiment.target.temperature[0] == pytest.approx(AMBIENT_K)
 
@@ -84,6 +84,6 @@ def test_a_file_that_has_its_ambient_temperature_is_shifted_too() -> None:
 def test_a_record_whose_protocol_is_simulated_keeps_its_temperature() -> None:
     request = RecordRequest(record(AMBIENT_K + 0.6), temperature_k=AMBIENT_K)
     by_protocol = replace(request, protocol=(("Discharge at 2 A for 30 minutes",),))
-    (experiment,) = build_task("t", "OKane2022", [by_protocol], model="SPM").experiments
+    (experiment,) = build_task("t", CellRequest("OKane2022", "SPM"), [by_protocol]).experiments
     assert experiment.target.temperature is not None
     assert experiment.target.temperature[0] == pytest.approx(AMBIENT_K + 0.6)

@@ -1,0 +1,37 @@
+"""What models of a cell have told before a fit is kept in the journal of a discovery."""
+
+import math
+from contextlib import closing
+
+import numpy as np
+from bsa.core.discovery.simulator import MeasuredRecord
+from bsa.core.run.journal import Journal, OpenJournal, read_events
+from bsa.core.task import CellModel
+from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.experiments import discovery_setup
+from bsa.experiments.discovery_case import Case, DiscoverOptions
+from bsa.experiments.discovery_setup import set_up
+from bsa.plugins.pybamm.before_search.radial_mesh import RadialMesh
+
+MESH = RadialMesh(80, math.inf)
+SPREADS = {"Separator porosity factor": (0.1, 0.5, 2.0)}
+
+
+def test_what_was_settled_is_not_found_out_again(tmp_path, monkeypatch):
+    time = np.arange(0.0, 1201.0, 30.0)
+    steps = (Step(StepKind.CC_DISCHARGE, 0, len(time), 1),)
+    record = Trajectory(time, np.full(len(time), 1.0), 4.0 - 1e-4 * time, None, steps)
+    case = Case(CellModel("Chen2020", "SPM"), (MeasuredRecord("a", record, 298.15),))
+    options = DiscoverOptions(data=["a.csv"], parameters="Chen2020", model="SPM", out=tmp_path / "out")
+    asked = []
+    monkeypatch.setattr(discovery_setup, "radial_mesh", lambda *_: asked.append("mesh") or MESH)
+    monkeypatch.setattr(discovery_setup, "spreads_of", lambda *_: asked.append("spreads") or SPREADS)
+    with closing(Journal(options.out)) as file:
+        first = set_up(case, options, journal=OpenJournal(file, []))
+        events = list(read_events(options.out))
+        again = set_up(case, options, journal=OpenJournal(file, events))
+        assert asked == ["spreads", "mesh"]
+        assert (again.mesh, again.space, again.notes) == (first.mesh, first.space, first.notes)
+        assert list(read_events(options.out)) == events
+    assert again.mesh == MESH
+    assert "80 mesh points resolve each particle" in again.notes[0]
