@@ -7,16 +7,12 @@ from functools import partial
 import numpy as np
 
 from ..effect import Effect, Evidence
-from ..parameters import ParameterSpace
 from ..trajectory import FloatArray
 from .explanation import Explanation
 from .findings import Listener, Nomination
 from .fitting import Fitter
 from .judgement import temperature_misfit_of
 from .score import Score, score_effect, trusted_step
-
-_REACH = 3.0
-"""Standard deviations of the priors by which base parameters move along with an effect before anything is fitted."""
 
 _SHORT = 12
 """Steps of a short fit: enough to rank effects."""
@@ -46,7 +42,7 @@ def nominate(
             nomination.lacks = "could not be simulated at the base fit"
         else:
             nomination.sensitivity, nomination.deviation = sensitivity, fitter.problem.deviation()
-            nomination.score = score_of(base, nomination.effect, sensitivity)
+            nomination.score = score_effect(base.fit, sensitivity, _ends(nomination.effect))
     scored = [nomination for nomination in shown if nomination.score is not None]
     strong = fitter.problem.side_by_side([partial(score_where_strong, fitter, base, n) for n in scored])
     for nomination, score in zip(scored, strong, strict=True):
@@ -71,7 +67,9 @@ def nominate_second(fitter: Fitter, first: Explanation, nominations: Sequence[No
         if known.sensitivity is None or known.deviation is None or known.effect.name in first.names:
             continue
         sensitivity = known.sensitivity * known.deviation / deviation
-        found.append(Nomination(known.effect, "", score_of(first, known.effect, sensitivity), sensitivity, deviation))
+        score = score_effect(first.fit, sensitivity, _ends(known.effect))
+        nomination = Nomination(known.effect, "", score, sensitivity, deviation, beside=first.effects)
+        found.append(nomination)
     return sorted(found, key=lambda n: -n.gain)
 
 
@@ -93,12 +91,6 @@ def sensitivities_of(fitter: Fitter, explanation: Explanation, effects: Sequence
     return sensitivities
 
 
-def score_of(explanation: Explanation, effect: Effect, sensitivity: FloatArray) -> Score:
-    """Score an effect on what an explanation leaves."""
-    fit = explanation.fit
-    return score_effect(fit.residual, fit.jacobian, sensitivity, fit.space, fit.u, _ends(effect))
-
-
 def score_where_strong(fitter: Fitter, before: Explanation, nomination: Nomination) -> Score:
     """The score of an effect, or that of one of its larger strengths where this promises more.
 
@@ -106,16 +98,17 @@ def score_where_strong(fitter: Fitter, before: Explanation, nomination: Nominati
     layer that relaxes faster than the record is sampled. What a strength leaves is simulated, and the base parameters
     are moved along as their derivatives say. The strengths are those from which a short fit starts.
     """
-    effect, fit, known = nomination.effect, before.fit, nomination.score
+    fit, known = before.fit, nomination.score
     assert known is not None
-    space = ParameterSpace((*fit.space, *effect.searched))
+    space = fitter.space_with(nomination.effects)
     least, worse, best = np.inf, 0, known
-    without = fit.cost - trusted_step(fit.jacobian, fit.residual, fit.space, fit.u, _REACH)[1]
+    without = fit.cost - trusted_step(fit, fit.residual)[1]
     for strength in _strengths(nomination, _wanted_sign(nomination)):
-        residual = fitter.residuals((*before.effects, effect))([space.at(_with_effect(effect, fit.u, strength))])[0]
+        start = _with_effect(nomination.effect, fit.u, strength)
+        residual = fitter.residuals(nomination.effects)([space.at(start)])[0]
         left, worse = np.inf, worse + 1
         if residual is not None:
-            moved = trusted_step(fit.jacobian, residual, fit.space, fit.u, _REACH)[1]
+            moved = trusted_step(fit, residual)[1]
             left = float(residual @ residual) + fit.prior_cost - moved
         if left < least:
             least, worse = left, 0
@@ -146,13 +139,11 @@ def screen(
     ladders = [_near(before, nomination, one, as_new) for one in ((sign, -sign) if either_sign else (sign,))]
     if _is_lost(before) and not as_new:
         ladders.append(_at_priors(fitter, before, nomination, sign))
-    effects = (*before.effects, nomination.effect)
-    space = ParameterSpace((*before.fit.space, *nomination.effect.searched))
     for ladder in ladders:
-        start = fitter.nearest(effects, space, ladder)
-        found = None if start is None else fitter.fit(effects, space, start, _SHORT + len(space))
+        start = fitter.nearest(nomination.effects, ladder)
+        found = None if start is None else fitter.fit(nomination.effects, start, _SHORT + len(start))
         if found is not None:
-            temperature_misfit = temperature_misfit_of(fitter.problem, effects, found.candidate)
+            temperature_misfit = temperature_misfit_of(fitter.problem, nomination.effects, found.candidate)
             if found.cost + temperature_misfit < nomination.promise:
                 nomination.screened, nomination.temperature_misfit = found, temperature_misfit
 
@@ -165,7 +156,7 @@ def _near(before: Explanation, nomination: Nomination, sign: float, as_new: bool
         starts = [_with_effect(nomination.effect, fit.u, strength)]
         if not as_new:
             there = fit.residual + strength * nomination.sensitivity
-            step, _ = trusted_step(fit.jacobian, there, fit.space, fit.u, _REACH)
+            step, _ = trusted_step(fit, there)
             starts.append(_with_effect(nomination.effect, fit.u + step, strength))
         ladder.append(starts)
     return ladder

@@ -144,7 +144,8 @@ def test_the_score_recovers_size_and_sign_behind_parameters(seed, size, sign):
     mark = rng.normal(size=120) + jacobian @ rng.normal(size=4)
     # residual = data - model falls as the strength rises by what the mark says
     residual = -sign * size * mark - jacobian @ rng.normal(size=4)
-    score = score_effect(residual, jacobian, mark, space(4), np.zeros(4), (0.0, 100.0), reach=1e3)
+    fit = Refit(space(4), np.zeros(4), residual, jacobian, True, 1)
+    score = score_effect(fit, mark, (0.0, 100.0), reach=1e3)
     assert np.sign(score.z) == sign
     if sign > 0:
         assert score.amplitude == pytest.approx(size, rel=1e-3)
@@ -160,7 +161,8 @@ def test_what_parameters_imitate_has_no_score(seed):
     rng = np.random.default_rng(seed)
     jacobian = rng.normal(size=(80, 3))
     mark = jacobian @ rng.normal(size=3)
-    score = score_effect(rng.normal(size=80), jacobian, mark, space(3), np.zeros(3), (0.0, 10.0), reach=1e3)
+    fit = Refit(space(3), np.zeros(3), rng.normal(size=80), jacobian, True, 1)
+    score = score_effect(fit, mark, (0.0, 10.0), reach=1e3)
     assert abs(score.z) < 1e-2 or score.gain < 1e-3
 
 
