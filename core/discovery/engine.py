@@ -14,7 +14,7 @@ from ..printable import counted
 from .base_fit import calibrate, near_new, temper, without
 from .explanation import Explanation
 from .findings import Findings, Gap, Listener, Nomination, Settings
-from .fitting import LAG, Fitter
+from .fitting import LAG, Fitted, Fitter
 from .nomination import most_simulations, nominate, nominate_second, screen
 from .problem import Problem
 from .progress import Progress
@@ -250,7 +250,8 @@ class Engine:
         if not result:
             return result
         leader = result[0]
-        fits = {e.label: (e.effects, e.fit) for e in result[1:] if len(e.effects) == 1 and _is_open(e, leader)}
+        singles = [e for e in result[1:] if len(e.effects) == 1 and _is_open(e, leader)]
+        fits: dict[str, Fitted] = {e.label: (e.effects, e.fit) for e in singles}
         if not leader.adequacy.adequate:
             known = {e.label for e in result}
             fits |= {

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from ..trajectory import FloatArray
-from .evidence import is_long
 from .observations import Observations, subset
 from .problem import Problem
 
@@ -27,7 +26,7 @@ def first_cycle(problem: Problem) -> Problem | None:
     cell is still the cell that the base model describes, and it is simulated in a fraction of the time. Parameters
     found there are where a fit of the whole record starts, and what ageing is added to.
     """
-    long = [is_long(observed.measured_record) for observed in problem.observations]
+    long = [observed.measured_record.is_long for observed in problem.observations]
     return _cut(problem, [_NEW if there else None for there in long]) if any(long) else None
 
 

@@ -155,7 +155,7 @@ class Fitter:
         here = self.residuals(effects)([space.at(u)])[0]
         if here is None:
             return None
-        return self.explain(effects, Refit(space, u, here, np.zeros((len(here), len(space))), False, 1))
+        return self.explain(effects, Refit(space, u, here, np.zeros((len(here), len(space))), False))
 
     def from_neighbour(self, effects: tuple[Effect, ...], known: Refit, leader: Explanation) -> Explanation | None:
         """Effects fitted once more from the base parameters of another fit; None where that leads nowhere near it.
