@@ -98,7 +98,7 @@ def _fit_from_somewhere(fitter: Fitter, start: FloatArray) -> Refit:
     states = np.array([isinstance(p.target, InitialSoc) for p in fitter.space])
     larger = [start + cell * fitter.of_cell + soc * states for cell in _CELL_SHIFTS for soc in _SOC_SHIFTS]
     best = fitter.nearest((), [larger])
-    # The charge that a rested voltage tells is well known: what comes nearer elsewhere may end farther off.
+    # The state of charge is well known from a rested voltage: a start with a lower cost may end with a higher one.
     places = [] if best is None else [best] if np.array_equal(best, start) else [best, start]
     fit = partial(fitter.fit, (), budget=fitter.settings.base_budget, tolerance=2e-2)
     found = fitter.problem.side_by_side([partial(fit, place) for place in places])
@@ -145,8 +145,8 @@ def temper(fitter: Fitter, base: Explanation) -> Explanation:
 def near_new(fitter: Fitter) -> tuple[Fitter, Explanation] | None:
     """Records of many cycles up to where the cell as it was new has drifted far, and the base model there.
 
-    An effect that consumes a fifth of the lithium is too strong for a score test, which is linear, and parameters of a
-    base model that is fitted to such records say nothing. None where no record drifts far.
+    Over all cycles an effect that consumes a fifth of the lithium is too strong for a score test, which is linear, and
+    the parameters of a base model that was fitted to all cycles compensate for it. None where no record drifts far.
     """
     if fitter.as_new is None:
         return None

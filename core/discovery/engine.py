@@ -102,12 +102,12 @@ class Engine:
             return Findings("no-missing-effect", gap, base, [], explanations, known.nominations, why, fitter.mesh_v)
         explanations = self._with_mesh_of_best(explanations)
         unfinished = bool(explanations) and not explanations[0].adequacy.adequate
-        # Over many cycles a little charge lost on the way fits what sampling hides of the current: no second effect.
+        # No second effect over many cycles: a small loss of charge fits what sampling hides of the current.
         if unfinished and self.settings.max_effects > 1 and fitter.as_new is None:
             explanations = self._with_mesh_of_best(self.add_second(base, explanations, known.nominations))
         explanations = self._exact(explanations)
         for explanation in explanations:
-            # Fitted on since they were told of, some are nearer; the verdict is on what they are now.
+            # Some were fitted on after their line was said. The verdict is on the last fits.
             fitter.tell(base, explanation, unless_told=True)
         nearest = min(calibrated, base, key=lambda fit: fit.rmse_v)
         findings = RULES.decide(self._gap(base, nearest), explanations)
@@ -210,7 +210,7 @@ class Engine:
     ) -> list[Explanation]:
         """Fit the best two single effects on with their own misfit as noise, and try a second one beside each."""
         self.problem.misfit_v = singles[0].inflated_noise_v
-        # One that is no better than the base model is nothing to add a second effect to.
+        # No second effect is added to one that is no better than the base model.
         firsts = [e for e in singles[:2] if e is singles[0] or bic_difference(base, e) > 0]
         nearer = ranked([self._fitter.again(e, self.settings.refit_budget // 2) for e in firsts])
         everything = ranked([*nearer, *singles[len(firsts) :]])
@@ -228,7 +228,7 @@ class Engine:
             fitter, first = self._fitter.on_low_fidelity(single) or (self._fitter, single)
             beside = nominate_second(fitter, first, nominations)
             hinted = [n for n in beside[:_SECOND_EFFECTS] if n.gain > _HINT * first.cost]
-            # Two that each bend the parameters to do without the other are not seen by a score on what either leaves.
+            # If the parameters compensate for the other effect in each of the two fits, no score shows the pair.
             best = [n for n in beside if any(n.effect is e.effects[0] for e in singles) and n not in hinted]
             pairs = {frozenset((first.label, n.effect.key)): n for n in (*hinted, *best)}
             new = {key: n for key, n in pairs.items() if key not in tried}
@@ -283,10 +283,10 @@ class Engine:
         return result
 
     def _with_mesh_of_best(self, explanations: Sequence[Explanation]) -> list[Explanation]:
-        """The same where the best one leaves noise; else fitted on with the mesh corrected where that one ended.
+        """The same if the best one leaves only noise; else fitted on with the mesh corrected where that one ended.
 
-        The correction was measured at the base model, from which an effect leads far away: what is left then is partly
-        the mesh's.
+        The correction was measured at the base model. An effect may lead far from there, and then a part of what is
+        left is an error of the mesh.
         """
         result = list(explanations)
         for _ in range(_MORE):

@@ -160,8 +160,8 @@ class Fitter:
     def from_neighbour(self, effects: tuple[Effect, ...], known: Refit, leader: Explanation) -> Explanation | None:
         """Effects fitted once more from the base parameters of another fit; None where that leads nowhere near it.
 
-        What is true of the base model is true whatever is added to it: an effect that comes near the data shows
-        where the base parameters of similar ones (all that consume lithium) are.
+        The true base parameters are the same whatever effect is added. An effect that comes near the data therefore
+        tells where those of similar effects (all that consume lithium) lie.
         """
         space, count = known.space, len(self.space)
         starts = []
@@ -179,8 +179,9 @@ class Fitter:
     def taken_over(self, near: Problem, fits: Sequence[Fitted]) -> list[Explanation]:
         """Fits of this problem, of its first cycles, or of a cheaper model, as explanations of this problem.
 
-        Those of first cycles are fitted on over more and more of them, and those that keep up, on all of them: far
-        ahead of where it was fitted, a model runs empty in the wrong minute of every cycle, and slopes say nothing.
+        Those of first cycles are fitted to more and more cycles, and those that keep up with the best one to all of
+        them. Many cycles beyond those that were fitted, a simulated cell is empty at the wrong time, and the Jacobian
+        there is no guide.
         """
         if near is self.problem and self.low is None:
             return [self.explain(effects, fit) for effects, fit in fits]

@@ -130,10 +130,11 @@ def screen(
 ) -> None:
     """Give a nomination short fits beside what is known, each from the best of some starts; the best one is kept.
 
-    One begins near the parameters that are known. ``either_sign`` adds one with strengths that the score advises
-    against: where an effect moves the minute at which a cell is empty (a leak, an offset of the current), derivatives
-    at a base model whose parameters were fitted to the effect say little. One more begins at the means of the priors
-    where the base model is lost. ``as_new`` keeps the parameters, those of the cell before it aged, where they are.
+    One starts near the parameters of the explanation ``before``. ``either_sign`` adds one with strengths of the sign
+    against which the score speaks: where an effect changes the time at which a cell is empty (a leak, an offset of the
+    current), derivatives at a base model whose parameters compensate for the effect say little. If these parameters are
+    far from their priors, one more starts at the means of the priors. ``as_new`` keeps the parameters, which are those
+    of the cell before it aged, where they are.
     """
     sign = _wanted_sign(nomination)
     ladders = [_near(before, nomination, one, as_new) for one in ((sign, -sign) if either_sign else (sign,))]
@@ -184,7 +185,7 @@ def _is_lost(explanation: Explanation) -> bool:
 
 
 def _wanted_sign(nomination: Nomination) -> float:
-    """The side of the null that the score asks for."""
+    """The side of the null on which the score estimates the strength: 1 or -1."""
     _, high = _ends(nomination.effect)
     return -1.0 if _wanted(nomination) < 0 or high <= 0 else 1.0
 
@@ -194,7 +195,7 @@ def _wanted(nomination: Nomination) -> float:
 
 
 def _strengths(nomination: Nomination, sign: float) -> list[float]:
-    """Strengths to start from, in probes from the null: fixed ones, and as large a one as the score asks for."""
+    """Strengths to start from, in probes from the null: fixed ones, and one of the size that the score estimates."""
     low, high = _ends(nomination.effect)
     strengths = {sign * size for size in (*_STRENGTHS, abs(_wanted(nomination)))}
     return sorted((one for one in strengths if one and 0.95 * low <= one <= 0.95 * high), key=abs)

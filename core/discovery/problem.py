@@ -36,7 +36,7 @@ _ROOMY_SOC = 0.9
 """Where that fit starts if it cannot from the state of charge of another record."""
 
 _LARGEST_V = 0.02
-"""A larger difference between two meshes is not corrected but feared."""
+"""A larger difference between two meshes, V, is no correction: it counts as uncertainty only."""
 
 _UNSURE = 0.25
 """Share of the difference between two meshes that is uncertain after it was corrected: it was measured at one candidate

@@ -16,7 +16,7 @@ _REACH = 3.0
 class Score:
     """What a linear extrapolation says of an effect, or one of its strengths that was simulated."""
 
-    amplitude: float  # The strength it asks for, in units of the probe; 0 where only the forbidden sign would help.
+    amplitude: float  # Estimated strength, in units of the probe; 0 where only the forbidden sign would help.
     # Standard score of the strength with everything that the fitted parameters imitate projected out; the sign says
     # whether the effect points the allowed way.
     z: float
@@ -28,7 +28,7 @@ def score_effect(fit: Refit, sensitivity: FloatArray, bounds: tuple[float, float
 
     With ``r`` the weighted residual (data minus model), ``J`` its derivative by the fitted parameters and ``d`` by the
     strength, the projected sensitivity is ``d_p = d - J (J^T J + B)^-1 J^T d`` with the priors' weights ``B``; the
-    strength that it asks for is ``-d_p.r / d_p.d_p`` (Rao's score test; Rao 1948, doi:10.1017/S0305004100023987).
+    estimated strength is ``-d_p.r / d_p.d_p`` (Rao's score test; Rao 1948, doi:10.1017/S0305004100023987).
 
     Parameters
     ----------
