@@ -26,27 +26,27 @@ _STARTS = 6
 """Places from which the fit of a first cycle may start: it takes seconds, and all later fits start from it."""
 
 
-def calibrate(fitter: Fitter, starts: int = 2) -> tuple[Explanation, float]:
+def calibrate(fitter: Fitter, starts: int = 2) -> Explanation:
     """Fit the base model until converged, correct for the mesh, and fit again.
 
     It starts from ``starts`` places at most: a second one where noise is left, more while the fit is not even
-    near. Returns the size of the mesh correction too, V.
+    near. What else is found on the way is kept by the fitter: ``as_new``, ``low`` and ``mesh_v``.
     """
     problem, budget = fitter.problem, fitter.settings.base_budget
     new = first_cycle(problem)
     if new is not None:
         fitter.say("first cycle alone:")
-        early_fitter = Fitter(new, fitter.space, fitter.settings, fitter.say)
-        first, _ = calibrate(early_fitter, _STARTS)
+        early_fitter = fitter.on(new)
+        first = calibrate(early_fitter, _STARTS)
         fitter.as_new = (first if first.adequacy.adequate else temper(early_fitter, first)).fit.u
     fitter.say("fitting the base model")
     start = np.zeros(len(fitter.space)) if fitter.as_new is None else fitter.as_new
     low = problem.shifted_low_fidelity((), fitter.space.at(start))
     if low is not None:
-        fitter.low = Fitter(low, fitter.space, fitter.settings, fitter.say)
+        fitter.low = fitter.on(low)
     fit = _coarse_fit(fitter, start)
-    mesh_v = problem.correct_mesh((), fit.candidate)
-    fitter.say(f"mesh and tolerances: {1e3 * mesh_v:.2f} mV, corrected")
+    fitter.mesh_v = problem.correct_mesh((), fit.candidate)
+    fitter.say(f"mesh and tolerances: {1e3 * fitter.mesh_v:.2f} mV, corrected")
     fit = fitter.onwards((), fit, budget)
     base = fitter.explain((), fit)
     rng = np.random.default_rng(fitter.settings.seed)
@@ -56,16 +56,16 @@ def calibrate(fitter: Fitter, starts: int = 2) -> tuple[Explanation, float]:
         # A poor fit may be a poor start: try another before calling it missing physics.
         start = np.array([rng.normal() if p.prior else u for p, u in zip(fitter.space, fit.u, strict=True)])
         there = fitter.on_low_fidelity(base)
-        other = (there[0] if there else fitter).fit((), fitter.space, start, budget // 2)
+        other = (there[0] if there else fitter).fit((), start, budget // 2)
         if other is not None and other.cost < 0.98 * fit.cost:
-            again = fitter.fit((), fitter.space, other.u, budget) if there else fitter.onwards((), other, budget)
+            again = fitter.fit((), other.u, budget) if there else fitter.onwards((), other, budget)
             if again is not None and again.cost < fit.cost:
                 fit = again
                 base = fitter.explain((), fit)
     if not base.adequacy.adequate:
         base = fitter.exact(base)
     fitter.say(f"base model: {errors_in_words(base)}")
-    return base, mesh_v
+    return base
 
 
 def _coarse_fit(fitter: Fitter, start: FloatArray) -> Refit:
@@ -78,7 +78,7 @@ def _coarse_fit(fitter: Fitter, start: FloatArray) -> Refit:
     fit: Refit | None = None
     if fitter.low is not None:
         near = _coarse_fit(fitter.low, start)
-        fit = fitter.fit((), fitter.space, near.u, fitter.settings.base_budget // 2, 2e-2)
+        fit = fitter.fit((), near.u, fitter.settings.base_budget // 2, 2e-2)
     fit = fit or _fit_from_somewhere(fitter, start)
     for _ in range(3):
         left = fitter.explain((), fit).misfit_v
@@ -97,10 +97,10 @@ def _fit_from_somewhere(fitter: Fitter, start: FloatArray) -> Refit:
     # starts there does not converge: it starts from the best of some larger, faster and less full cells.
     states = np.array([isinstance(p.target, InitialSoc) for p in fitter.space])
     larger = [start + cell * fitter.of_cell + soc * states for cell in _CELL_SHIFTS for soc in _SOC_SHIFTS]
-    best = fitter.nearest((), fitter.space, [larger])
-    # The charge that a rested voltage tells is well known: what comes nearer elsewhere may end farther off.
+    best = fitter.nearest((), [larger])
+    # The state of charge is well known from a rested voltage: a start with a lower cost may end with a higher one.
     places = [] if best is None else [best] if np.array_equal(best, start) else [best, start]
-    fit = partial(fitter.fit, (), fitter.space, budget=fitter.settings.base_budget, tolerance=2e-2)
+    fit = partial(fitter.fit, (), budget=fitter.settings.base_budget, tolerance=2e-2)
     found = fitter.problem.side_by_side([partial(fit, place) for place in places])
     fits = [one for one in found if one is not None]
     if not fits:
@@ -118,7 +118,7 @@ def without(fitter: Fitter, base: Explanation, best: Explanation) -> Explanation
     """
     fitter.problem.misfit_v = best.counts_as_noise_v
     budget = fitter.settings.base_budget // 2
-    fit = fitter.fit((), fitter.space, best.fit.u[: len(fitter.space)], budget)
+    fit = fitter.fit((), best.fit.u[: len(fitter.space)], budget)
     if fit is None:
         return base
     again = fitter.finished((), fit, budget)
@@ -145,8 +145,8 @@ def temper(fitter: Fitter, base: Explanation) -> Explanation:
 def near_new(fitter: Fitter) -> tuple[Fitter, Explanation] | None:
     """Records of many cycles up to where the cell as it was new has drifted far, and the base model there.
 
-    An effect that consumes a fifth of the lithium is too strong for a score test, which is linear, and parameters of a
-    base model that is fitted to such records say nothing. None where no record drifts far.
+    Over all cycles an effect that consumes a fifth of the lithium is too strong for a score test, which is linear, and
+    the parameters of a base model that was fitted to all cycles compensate for it. None where no record drifts far.
     """
     if fitter.as_new is None:
         return None
@@ -154,10 +154,10 @@ def near_new(fitter: Fitter) -> tuple[Fitter, Explanation] | None:
     cut = None if predictions is None else near_cycles(fitter.problem, fitter.problem.errors(predictions))
     if cut is None:
         return None
-    near = Fitter(cut, fitter.space, fitter.settings, fitter.say)
-    here = near.at((), fitter.space, fitter.as_new)
+    near = fitter.on(cut)
+    here = near.at((), fitter.as_new)
     if here is None:
         return None
     near.problem.misfit_v = here.inflated_noise_v
-    fit = near.fit((), fitter.space, fitter.as_new, 1 + len(fitter.space))
+    fit = near.fit((), fitter.as_new, 1 + len(fitter.space))
     return None if fit is None else (near, near.explain((), fit))

@@ -5,7 +5,6 @@ import numpy as np
 from ..comparison.noise import resolution
 from ..parameters import Parameter
 from ..target import CurrentOffset
-from .evidence import is_long
 from .simulator import MeasuredRecord
 
 _COARSEST, _FINEST = 3e-4, 1e-5
@@ -23,7 +22,7 @@ def current_offset(measured_record: MeasuredRecord) -> Parameter | None:
     A constant current is rounded the same way in every cycle. None for other records: their rounding draws no charge
     that shows.
     """
-    if not is_long(measured_record):
+    if not measured_record.is_long:
         return None
     current = measured_record.record.current
     peak = float(np.max(np.abs(current)))

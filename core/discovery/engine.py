@@ -14,14 +14,11 @@ from ..printable import counted
 from .base_fit import calibrate, near_new, temper, without
 from .explanation import Explanation
 from .findings import Findings, Gap, Listener, Nomination, Settings
-from .fitting import LAG, Fitter
+from .fitting import LAG, Fitted, Fitter
 from .nomination import most_simulations, nominate, nominate_second, screen
 from .problem import Problem
 from .progress import Progress
 from .rules import RULES, bic_difference, ranked
-
-Screened = tuple[tuple[Effect, ...], Nomination]
-"""Effects, and the nomination of the last of them with its short fit."""
 
 _SECOND_EFFECTS = 4
 """Second effects that get a short fit beside a first one."""
@@ -42,7 +39,6 @@ class Shortlist:
     """What is known before any effect is fitted."""
 
     base: Explanation
-    mesh_v: float  # Root mean square of the mesh correction, V.
     # That the scores are of: of the records, or of their first cycles; on the cheaper model, if there is one.
     early_fitter: Fitter
     refitted: Explanation  # The base model that they are of: with its misfit as noise, or as the cell was new.
@@ -80,9 +76,9 @@ class Engine:
     def shortlist(self) -> Shortlist:
         """Calibrate the base model, and score every effect on what it leaves."""
         fitter = self._fitter
-        base, mesh_v = calibrate(fitter)
+        base = calibrate(fitter)
         if base.adequacy.adequate:
-            return Shortlist(base, mesh_v, fitter, base, False, [])
+            return Shortlist(base, fitter, base, False, [])
         self._say(f"noise does not explain the {1e3 * base.rmse_v:.2f} mV that are left; scoring effects")
         near = near_new(fitter)
         early_fitter, refitted = near or (fitter, temper(fitter, base) if self._overfitted(base) else base)
@@ -90,7 +86,7 @@ class Engine:
             base = refitted
         early_fitter, refitted = early_fitter.on_low_fidelity(refitted) or (early_fitter, refitted)
         nominations = nominate(early_fitter, refitted, self.catalogue, self.evidence, self._say)
-        return Shortlist(base, mesh_v, early_fitter, refitted, near is not None, nominations)
+        return Shortlist(base, early_fitter, refitted, near is not None, nominations)
 
     def run(self) -> Findings:
         """Carry out the whole workflow."""
@@ -103,19 +99,19 @@ class Engine:
         if base.adequacy.adequate:
             of, gap = base.adequacy, self._gap(base, base)
             why = f"noise explains the residual (size p = {of.p_size:.2g}, structure p = {of.p_structure:.2g})"
-            return Findings("no-missing-effect", gap, base, [], explanations, known.nominations, why, known.mesh_v)
+            return Findings("no-missing-effect", gap, base, [], explanations, known.nominations, why, fitter.mesh_v)
         explanations = self._with_mesh_of_best(explanations)
         unfinished = bool(explanations) and not explanations[0].adequacy.adequate
-        # Over many cycles a little charge lost on the way fits what sampling hides of the current: no second effect.
+        # No second effect over many cycles: a small loss of charge fits what sampling hides of the current.
         if unfinished and self.settings.max_effects > 1 and fitter.as_new is None:
             explanations = self._with_mesh_of_best(self.add_second(base, explanations, known.nominations))
         explanations = self._exact(explanations)
         for explanation in explanations:
-            # Fitted on since they were told of, some are nearer; the verdict is on what they are now.
+            # Some were fitted on after their line was said. The verdict is on the last fits.
             fitter.tell(base, explanation, unless_told=True)
         nearest = min(calibrated, base, key=lambda fit: fit.rmse_v)
         findings = RULES.decide(self._gap(base, nearest), explanations)
-        findings.nominations, findings.mesh_v = known.nominations, known.mesh_v
+        findings.nominations, findings.mesh_v = known.nominations, fitter.mesh_v
         return findings
 
     def _with_better_base(
@@ -160,47 +156,51 @@ class Engine:
         whole = 2 * min(len(chosen), self.settings.confirmed) * self.settings.refit_budget
         self._progress.estimate(self.problem.simulated, len(chosen) * most_simulations(before) + whole)
         misfit_v = fitter.problem.misfit_v
-        self._screen(chosen, partial(screen, fitter, before, as_new=known.as_new), before.cost)
-        found = self._race(known.base, [((n.effect,), n) for n in chosen], fitter)
+        self._screen(fitter, before, chosen, as_new=known.as_new)
+        found = self._race(known.base, chosen, fitter.problem)
         if known.as_new:
             return self.finish(known.base, found)
-        if not (found and self._explains(known.base, found[0])):
+        if not found or RULES.leaves_too_much(found[0], self._gap(known.base, known.base)):
             rest = [n for n in nominations if n.sensitivity is not None and n.promise > before.cost]
             if rest:
                 self._say(f"none explains enough; fitting {counted(len(rest), 'effect')} with strengths of either sign")
             self._progress.estimate(self.problem.simulated, 2 * len(rest) * most_simulations(before))
             fitter.problem.misfit_v = misfit_v  # the scores were taken with it
-            self._screen(rest, partial(screen, fitter, before, either_sign=True), before.cost)
+            self._screen(fitter, before, rest, either_sign=True)
             labels = {explanation.label for explanation in found}
-            more = [((n.effect,), n) for n in nominations if n.effect.key not in labels]
-            found = ranked([*found, *self._race(known.base, more, fitter)])
+            more = [n for n in nominations if n.effect.key not in labels]
+            found = ranked([*found, *self._race(known.base, more, fitter.problem)])
         return self.finish(known.base, found, chosen)
 
-    def _screen(self, nominations: Sequence[Nomination], short_fit: Callable[[Nomination], None], cost: float) -> None:
-        """Give each nomination its short fits, side by side, and tell of each as they end; ``cost`` is the base's."""
+    def _screen(
+        self,
+        fitter: Fitter,
+        before: Explanation,
+        nominations: Sequence[Nomination],
+        as_new: bool = False,
+        either_sign: bool = False,
+    ) -> None:
+        """Give each nomination its short fits, side by side, and tell of each as they end; see `screen`."""
         self._progress.begin(len(nominations))
 
         def one(nomination: Nomination) -> None:
-            short_fit(nomination)
-            self._progress.refitted(nomination, cost)
+            screen(fitter, before, nomination, as_new, either_sign)
+            self._progress.refitted(nomination, before.cost)
 
         self.problem.side_by_side([partial(one, nomination) for nomination in nominations])
 
-    def _explains(self, base: Explanation, best: Explanation) -> bool:
-        return not RULES.leaves_too_much(best, self._gap(base, base))
+    def _race(self, base: Explanation, screened: Sequence[Nomination], near: Problem) -> list[Explanation]:
+        """Fit the best of what was screened until one is settled; at least two, so that it has a rival.
 
-    def _race(
-        self, base: Explanation, screened: Sequence[Screened], early_fitter: Fitter | None = None
-    ) -> list[Explanation]:
-        """Fit the best of what was screened until one is settled; at least two, so that it has a rival."""
-        rows = sorted(screened, key=lambda row: row[1].promise)[: self.settings.confirmed]
-        ahead = rows[0][1].promise + LAG if rows else 0.0
-        near = [
-            (effects, n.screened)
-            for place, (effects, n) in enumerate(rows)
-            if n.screened is not None and (place < 2 or n.promise < ahead)
+        ``near`` is the problem of the short fits.
+        """
+        best = sorted(screened, key=lambda n: n.promise)[: self.settings.confirmed]
+        fits = [
+            (n.effects, n.screened)
+            for place, n in enumerate(best)
+            if n.screened is not None and (place < 2 or n.promise < best[0].promise + LAG)
         ]
-        running = self._fitter.taken_over((early_fitter or self._fitter).problem, near)
+        running = self._fitter.taken_over(near, fits)
         return self._fitter.contest(base, running) if running else []
 
     # --- a second effect ------------------------------------------------------------------------------------
@@ -210,7 +210,7 @@ class Engine:
     ) -> list[Explanation]:
         """Fit the best two single effects on with their own misfit as noise, and try a second one beside each."""
         self.problem.misfit_v = singles[0].inflated_noise_v
-        # One that is no better than the base model is nothing to add a second effect to.
+        # No second effect is added to one that is no better than the base model.
         firsts = [e for e in singles[:2] if e is singles[0] or bic_difference(base, e) > 0]
         nearer = ranked([self._fitter.again(e, self.settings.refit_budget // 2) for e in firsts])
         everything = ranked([*nearer, *singles[len(firsts) :]])
@@ -223,20 +223,18 @@ class Engine:
         self, base: Explanation, singles: Sequence[Explanation], nominations: Sequence[Nomination]
     ) -> list[Explanation]:
         """Add a second effect to the best single ones: score on what they leave, screen, fit side by side."""
-        tried: dict[frozenset[str], Screened] = {}
+        tried: dict[frozenset[str], Nomination] = {}
         for single in singles:
             fitter, first = self._fitter.on_low_fidelity(single) or (self._fitter, single)
             beside = nominate_second(fitter, first, nominations)
             hinted = [n for n in beside[:_SECOND_EFFECTS] if n.gain > _HINT * first.cost]
-            # Two that each bend the parameters to do without the other are not seen by a score on what either leaves.
+            # If the parameters compensate for the other effect in each of the two fits, no score shows the pair.
             best = [n for n in beside if any(n.effect is e.effects[0] for e in singles) and n not in hinted]
             pairs = {frozenset((first.label, n.effect.key)): n for n in (*hinted, *best)}
             new = {key: n for key, n in pairs.items() if key not in tried}
-            self._screen(list(new.values()), partial(screen, fitter, first), first.cost)
-            tried |= {
-                key: ((*first.effects, n.effect), n) for key, n in new.items() if n.promise < _WORTHWHILE * first.cost
-            }
-        return self._race(base, list(tried.values()))
+            self._screen(fitter, first, list(new.values()))
+            tried |= {key: n for key, n in new.items() if n.promise < _WORTHWHILE * first.cost}
+        return self._race(base, list(tried.values()), self.problem)
 
     # --- to the end -----------------------------------------------------------------------------------------
 
@@ -252,11 +250,12 @@ class Engine:
         if not result:
             return result
         leader = result[0]
-        fits = {e.label: (e.effects, e.fit) for e in result[1:] if len(e.effects) == 1 and _is_open(e, leader)}
+        singles = [e for e in result[1:] if len(e.effects) == 1 and _is_open(e, leader)]
+        fits: dict[str, Fitted] = {e.label: (e.effects, e.fit) for e in singles}
         if not leader.adequacy.adequate:
             known = {e.label for e in result}
             fits |= {
-                n.effect.key: ((n.effect,), n.screened)
+                n.effect.key: (n.effects, n.screened)
                 for n in screened
                 if n.screened is not None and n.effect.key not in known
             }
@@ -284,10 +283,10 @@ class Engine:
         return result
 
     def _with_mesh_of_best(self, explanations: Sequence[Explanation]) -> list[Explanation]:
-        """The same where the best one leaves noise; else fitted on with the mesh corrected where that one ended.
+        """The same if the best one leaves only noise; else fitted on with the mesh corrected where that one ended.
 
-        The correction was measured at the base model, from which an effect leads far away: what is left then is partly
-        the mesh's.
+        The correction was measured at the base model. An effect may lead far from there, and then a part of what is
+        left is an error of the mesh.
         """
         result = list(explanations)
         for _ in range(_MORE):

@@ -26,25 +26,7 @@ def gather(model: str, options: Mapping[str, Any], measured_records: Sequence[Me
     return Evidence(
         model,
         options,
-        max(full_cycles(measured_record) for measured_record in measured_records),
+        max(measured_record.full_cycles for measured_record in measured_records),
         max(temperatures) - min(temperatures) if temperatures else 0.0,
         min(sampling) if sampling else float("inf"),
     )
-
-
-_MANY = 6
-"""Cycles from which a record may show a cell that ages."""
-
-
-def is_long(measured_record: MeasuredRecord) -> bool:
-    """Whether a record has so many cycles that the cell may have aged on the way."""
-    return full_cycles(measured_record) >= _MANY
-
-
-def full_cycles(measured_record: MeasuredRecord) -> int:
-    """Cycles that contain both a charge and a discharge of some length; pulses and drives make no cycle."""
-    kinds: dict[int, set[str]] = {}
-    for step in measured_record.record.steps:
-        kinds.setdefault(step.cycle, set()).add(step.kind)
-    both = {StepKind.CC_CHARGE, StepKind.CC_DISCHARGE}
-    return sum(both <= found for found in kinds.values())

@@ -39,6 +39,12 @@ class Nomination:
     deviation: FloatArray | None = None  # The standard deviations that the sensitivity is in, V.
     screened: Refit | None = None
     temperature_misfit: float = 0.0  # What the temperature adds to that refit's cost.
+    beside: tuple[Effect, ...] = ()  # Effects of the explanation that it is added to.
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The explanation that it makes."""
+        return (*self.beside, self.effect)
 
     @property
     def gain(self) -> float:

@@ -1,4 +1,4 @@
-"""A cell that is cycled many times is calibrated on its first cycle, before it has aged, and looked at from there."""
+"""Records of many cycles, cut after their first ones: a cell is calibrated before it has aged."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -6,12 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from ..trajectory import FloatArray
-from .evidence import is_long
 from .observations import Observations, subset
 from .problem import Problem
 
 _NEW = 1
-"""Cycles in which a cell is as good as new: a strong SEI costs a percent in each."""
+"""Cycles of a cell that counts as new. A strong SEI consumes a percent of the capacity in each."""
 
 _FEWEST = 3
 """Cycles below which ageing cannot be seen."""
@@ -23,16 +22,16 @@ _DRIFT_V = 0.01
 def first_cycle(problem: Problem) -> Problem | None:
     """The same problem with long records cut after their first cycle; None where no record is long.
 
-    What a base model bends itself to over many cycles is mostly that it does not age. Over the first one an ageing
-    cell is still the cell that the base model describes, and it is simulated in a fraction of the time. Parameters
-    found there are where a fit of the whole record starts, and what ageing is added to.
+    Fitted to many cycles, the parameters of a model without ageing compensate for ageing. In its first cycle the cell
+    has hardly aged, and one cycle takes a fraction of the time to simulate. The fit of the whole record starts from the
+    parameters of the first cycle, and effects of ageing are added to these.
     """
-    long = [is_long(observed.measured_record) for observed in problem.observations]
+    long = [observed.measured_record.is_long for observed in problem.observations]
     return _cut(problem, [_NEW if there else None for there in long]) if any(long) else None
 
 
 def near_cycles(problem: Problem, errors: Sequence[FloatArray]) -> Problem | None:
-    """The same problem with records cut where the cell as it was new has drifted far from them; None if it never does.
+    """The same problem with records cut where the voltage of the new cell drifts far from theirs; None if it does not.
 
     ``errors`` are, by record, measured minus predicted voltage with the parameters of the first cycle, V.
     """
@@ -41,9 +40,10 @@ def near_cycles(problem: Problem, errors: Sequence[FloatArray]) -> Problem | Non
 
 
 def longer(problem: Problem, near: Problem) -> Iterator[Problem]:
-    """The same problem on twice as many cycles as ``near``, and twice as many again, as long as that is not the whole.
+    """The same problem on twice as many cycles as ``near``, on four times as many and so on, up to fewer than all.
 
-    A fit that is right to a twentieth on three cycles is off by a knee on twenty, and near enough on six.
+    With a strength that is 5 % off, a fit of three cycles is a good start on six of them, and a poor one on twenty,
+    where the cell is empty at another time.
     """
     whole, counts = (
         [len(observed.measured_record.record.cycles) for observed in one.observations] for one in (problem, near)

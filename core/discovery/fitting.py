@@ -38,7 +38,10 @@ _LEVELS = 6
 
 
 class Fitter:
-    """Fits explanations; the problem's ``misfit_v`` is what the present fits count as noise."""
+    """Fits explanations; the problem's ``misfit_v`` is what the present fits count as noise.
+
+    ``space`` holds the parameters of the base model. Those of an explanation are these and, behind them, the effects'.
+    """
 
     def __init__(self, problem: Problem, space: ParameterSpace, settings: Settings, listener: Listener) -> None:
         self.problem = problem
@@ -48,8 +51,18 @@ class Fitter:
         """Base parameters before the cell aged, shape (p,), where records of many cycles tell them."""
         self.low: Fitter | None = None
         """A fitter on the cheaper model, of which Jacobians are taken; None where there is none."""
+        self.mesh_v = 0.0
+        """Root mean square of the mesh correction at the base model, V."""
         self.say = listener
         self._told: dict[str, str] = {}
+
+    def on(self, problem: Problem) -> Fitter:
+        """A fitter of the same base model on another problem."""
+        return Fitter(problem, self.space, self.settings, self.say)
+
+    def space_with(self, effects: Sequence[Effect]) -> ParameterSpace:
+        """The parameters of the base model, and those of effects."""
+        return ParameterSpace((*self.space, *(parameter for effect in effects for parameter in effect.searched)))
 
     @property
     def of_cell(self) -> NDArray[np.bool_]:
@@ -65,7 +78,6 @@ class Fitter:
     def fit(
         self,
         effects: Sequence[Effect],
-        space: ParameterSpace,
         start: FloatArray,
         budget: int,
         tolerance: float = 2e-3,
@@ -73,7 +85,7 @@ class Fitter:
         fresh: bool = False,
         exact: bool = False,
     ) -> Refit | None:
-        """Fit at the present misfit; None if the start cannot be simulated.
+        """Fit at the present misfit, from coordinates of the base model and effects; None if these cannot be simulated.
 
         Jacobians are taken of the cheaper model, where there is one and not of the base model's ``exact`` ones.
         """
@@ -81,6 +93,7 @@ class Fitter:
         if self.low is not None and not exact:
             self.low.problem.misfit_v = self.problem.misfit_v
             slopes = self.low.residuals(effects)
+        space = self.space_with(effects)
         found = refit(self.residuals(effects), space, start, jacobian, budget, tolerance, fresh, slopes)
         return None if found is None else replace(found, deviation=self.problem.deviation())
 
@@ -92,16 +105,15 @@ class Fitter:
         known = None if fit.deviation is None else deviation / fit.deviation
         jacobian = None if known is None else fit.jacobian / known[:, None]
         fresh = fit.fresh and known is not None and bool(np.all(known == 1.0)) and not exact
-        return self.fit(effects, fit.space, fit.u, budget, tolerance, jacobian, fresh, exact) or fit
+        return self.fit(effects, fit.u, budget, tolerance, jacobian, fresh, exact) or fit
 
-    def nearest(
-        self, effects: Sequence[Effect], space: ParameterSpace, ladder: Sequence[Sequence[FloatArray]]
-    ) -> FloatArray | None:
+    def nearest(self, effects: Sequence[Effect], ladder: Sequence[Sequence[FloatArray]]) -> FloatArray | None:
         """The start with the lowest cost; None if none can be simulated.
 
         Each rung of the ladder has some starts, the next one those of a stronger effect; after two in a row that come
         no nearer it ends, for what is far too strong is slow to simulate.
         """
+        space = self.space_with(effects)
         best, least, worse = None, np.inf, 0
         for starts in ladder:
             worse += 1
@@ -132,23 +144,24 @@ class Fitter:
         problem = self.problem.shifted_low_fidelity(known.effects, known.fit.candidate)
         if problem is None:
             return None
-        low = Fitter(problem, self.space, self.settings, self.say)
+        low = self.on(problem)
         low.as_new = self.as_new
-        fit = low.fit(known.effects, known.fit.space, known.fit.u, 1 + len(known.fit.space))
+        fit = low.fit(known.effects, known.fit.u, 1 + len(known.fit.space))
         return None if fit is None else (low, low.explain(known.effects, fit))
 
-    def at(self, effects: tuple[Effect, ...], space: ParameterSpace, u: FloatArray) -> Explanation | None:
+    def at(self, effects: tuple[Effect, ...], u: FloatArray) -> Explanation | None:
         """What is explained at given coordinates, without a fit; None if they cannot be simulated."""
+        space = self.space_with(effects)
         here = self.residuals(effects)([space.at(u)])[0]
         if here is None:
             return None
-        return self.explain(effects, Refit(space, u, here, np.zeros((len(here), len(space))), False, 1))
+        return self.explain(effects, Refit(space, u, here, np.zeros((len(here), len(space))), False))
 
     def from_neighbour(self, effects: tuple[Effect, ...], known: Refit, leader: Explanation) -> Explanation | None:
         """Effects fitted once more from the base parameters of another fit; None where that leads nowhere near it.
 
-        What is true of the base model is true whatever is added to it: an effect that comes near the data shows
-        where the base parameters of similar ones (all that consume lithium) are.
+        The true base parameters are the same whatever effect is added. An effect that comes near the data therefore
+        tells where those of similar effects (all that consume lithium) lie.
         """
         space, count = known.space, len(self.space)
         starts = []
@@ -157,8 +170,8 @@ class Fitter:
             # The strength's coordinate is -1 at its null.
             start[count] = np.clip(share * (start[count] + 1.0) - 1.0, space.lowest[count], space.highest[count])
             starts.append(start)
-        best, budget = self.nearest(effects, space, [starts]), self.settings.refit_budget
-        fit = None if best is None else self.fit(effects, space, best, budget // 3)
+        best, budget = self.nearest(effects, [starts]), self.settings.refit_budget
+        fit = None if best is None else self.fit(effects, best, budget // 3)
         if fit is None or fit.cost > leader.fit.cost + LAG:
             return None
         return self.finished(effects, fit, budget)
@@ -166,13 +179,14 @@ class Fitter:
     def taken_over(self, near: Problem, fits: Sequence[Fitted]) -> list[Explanation]:
         """Fits of this problem, of its first cycles, or of a cheaper model, as explanations of this problem.
 
-        Those of first cycles are fitted on over more and more of them, and those that keep up, on all of them: far
-        ahead of where it was fitted, a model runs empty in the wrong minute of every cycle, and slopes say nothing.
+        Those of first cycles are fitted to more and more cycles, and those that keep up with the best one to all of
+        them. Many cycles beyond those that were fitted, a simulated cell is empty at the wrong time, and the Jacobian
+        there is no guide.
         """
         if near is self.problem and self.low is None:
             return [self.explain(effects, fit) for effects, fit in fits]
         for problem in longer(self.problem, near):
-            stage = Fitter(problem, self.space, self.settings, self.say)
+            stage = self.on(problem)
             running = stage._moved(fits)
             if running:
                 problem.misfit_v = max(NEAR_V, min(explanation.inflated_noise_v for explanation in running))
@@ -182,7 +196,7 @@ class Fitter:
 
     def _moved(self, fits: Sequence[Fitted]) -> list[Explanation]:
         """Fits of other problems on this one, not fitted yet; without those that cannot be simulated."""
-        found = [self.at(effects, fit.space, fit.u) for effects, fit in fits]
+        found = [self.at(effects, fit.u) for effects, fit in fits]
         return [explanation for explanation in found if explanation is not None]
 
     def contest(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:

@@ -36,31 +36,20 @@ def explain(problem: Problem, effects: tuple[Effect, ...], fit: Refit) -> Explan
     explanation = Explanation(effects, fit, adequacy, rmse, held_rmse, volts, sigma, kelvin, held_errors=held_errors)
     systematic = problem.systematic() / problem.deviation()[:, None]
     explanation.estimates = estimates_of(effects, fit, explanation.dispersion(problem.misfit_v), systematic)
-    if kelvin is not None:
-        doubted = [effect for effect in effects if explanation.estimates[effect.key][0].holds_null]
-        explanation.temperature_without_k = _temperatures_without(problem, doubted, effects, fit.candidate)
+    for effect in effects if kelvin is not None else ():
+        if explanation.estimates[effect.key][0].holds_null:
+            off = {effect.full_name(effect.strength): effect.strength.null}
+            without = _temperature_error_at(problem, effects, fit.candidate | off)
+            if without is not None:
+                explanation.temperature_without_k[effect.key] = without
     return explanation
 
 
 def temperature_misfit_of(problem: Problem, effects: Sequence[Effect], candidate: dict[str, float]) -> float:
-    """What a measured temperature says against a candidate; 0 where none was measured."""
+    """What the error of the predicted temperature adds to a candidate's cost; 0 where none was measured."""
     if all(observed.temperature is None for observed in problem.observations):
         return 0.0
-    predictions = problem.predict(effects, candidate)
-    return 0.0 if predictions is None else temperature_misfit(_temperature_error(problem, predictions))
-
-
-def _temperatures_without(
-    problem: Problem, doubted: Sequence[Effect], effects: Sequence[Effect], candidate: dict[str, float]
-) -> dict[str, float]:
-    found = {}
-    for effect in doubted:
-        off = {effect.full_name(effect.strength): effect.strength.null}
-        predictions = problem.predict(effects, candidate | off)
-        kelvin = None if predictions is None else _temperature_error(problem, predictions)
-        if kelvin is not None:
-            found[effect.key] = kelvin
-    return found
+    return temperature_misfit(_temperature_error_at(problem, effects, candidate))
 
 
 def _held(problem: Problem, effects: tuple[Effect, ...], fit: Refit) -> tuple[float, tuple[FloatArray, ...]]:
@@ -94,6 +83,11 @@ def _temperature_error(problem: Problem, predictions: Sequence[Prediction]) -> f
     """Error of the temperature over all fitted records that have one, K."""
     errors = list(problem.temperature_errors(predictions).values())
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2))) if errors else None
+
+
+def _temperature_error_at(problem: Problem, effects: Sequence[Effect], candidate: dict[str, float]) -> float | None:
+    predictions = problem.predict(effects, candidate)
+    return None if predictions is None else _temperature_error(problem, predictions)
 
 
 def _sample_rmse(errors: FloatArray, counts: FloatArray, noise: float) -> float:

@@ -136,7 +136,7 @@ class LifeEngine:
 
     def _unchanged(self, changes: FloatArray) -> Refit:
         seen = changes[self._changes.fitted]
-        return Refit(ParameterSpace(()), np.zeros(0), seen, np.zeros((len(seen), 0)), True, 1, promised=0.0)
+        return Refit(ParameterSpace(()), np.zeros(0), seen, np.zeros((len(seen), 0)), True, promised=0.0)
 
     def _single(self, effect: Effect, base: Explanation) -> Fitted:
         """The best fit of an effect."""

@@ -1,6 +1,5 @@
 """The experiment that would tell two explanations apart."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,9 +17,18 @@ class Protocol:
     """A test that a cycler can run."""
 
     title: str
-    steps: tuple[str, ...]  # As PyBaMM step strings.
-    phases: tuple[Phase, ...]  # The same as C-rates and durations.
     soc: float  # State of charge at which it starts.
+    phases: tuple[Phase, ...]
+
+    @property
+    def steps(self) -> tuple[str, ...]:
+        """The phases as PyBaMM step strings."""
+        words = []
+        for rate, seconds in self.phases:
+            duration = f"{seconds:g} seconds" if seconds < 120 else f"{seconds / 60:g} minutes"
+            action = "Rest" if rate == 0 else f"Discharge at {rate:g}C" if rate > 0 else f"Charge at {-rate:g}C"
+            words.append(f"{action} for {duration}")
+        return tuple(words)
 
 
 @dataclass(frozen=True)
@@ -37,37 +45,28 @@ class NextExperiment:
     enough: bool  # Whether the difference stands clear of the noise.
 
 
-def _spell(phases: Sequence[Phase]) -> tuple[str, ...]:
-    words = []
-    for rate, seconds in phases:
-        duration = f"{seconds:g} seconds" if seconds < 120 else f"{seconds / 60:g} minutes"
-        action = "Rest" if rate == 0 else f"Discharge at {rate:g}C" if rate > 0 else f"Charge at {-rate:g}C"
-        words.append(f"{action} for {duration}")
-    return tuple(words)
-
-
-def _protocol(title: str, soc: float, *phases: Phase) -> Protocol:
-    return Protocol(title, _spell(phases), phases, soc)
-
-
 PROTOCOLS = (
-    _protocol(
-        "slow discharge and charge over the whole range", 0.95, (0.1, 30000), (0, 3600), (-0.1, 28000), (0, 3600)
+    Protocol(
+        "slow discharge and charge over the whole range", 0.95, ((0.1, 30000), (0, 3600), (-0.1, 28000), (0, 3600))
     ),
-    _protocol("long rest after a partial discharge", 0.9, (0.5, 2400), (0, 86400)),
-    _protocol("discharge at high rate, then relaxation", 0.95, (2.0, 1000), (0, 5400)),
-    _protocol(
-        "very high rate for a minute at two depths", 0.9, (3, 60), (0, 1800), (1, 900), (0, 1800), (3, 60), (0, 900)
+    Protocol("long rest after a partial discharge", 0.9, ((0.5, 2400), (0, 86400))),
+    Protocol("discharge at high rate, then relaxation", 0.95, ((2.0, 1000), (0, 5400))),
+    Protocol(
+        "very high rate for a minute at two depths", 0.9, ((3, 60), (0, 1800), (1, 900), (0, 1800), (3, 60), (0, 900))
     ),
-    _protocol(
-        "short pulses of four rates", 0.6, (0.5, 10), (0, 300), (1, 10), (0, 300), (2, 10), (0, 300), (4, 10), (0, 300)
+    Protocol(
+        "short pulses of four rates",
+        0.6,
+        ((0.5, 10), (0, 300), (1, 10), (0, 300), (2, 10), (0, 300), (4, 10), (0, 300)),
     ),
-    _protocol(
-        "charge pulses after discharge pulses", 0.5, (1, 30), (0, 600), (-1, 30), (0, 600), (2, 30), (0, 600), (-2, 30)
+    Protocol(
+        "charge pulses after discharge pulses",
+        0.5,
+        ((1, 30), (0, 600), (-1, 30), (0, 600), (2, 30), (0, 600), (-2, 30)),
     ),
-    _protocol("symmetric half-range cycles at C/5", 0.7, (0.2, 7200), (0, 1800), (-0.2, 7200), (0, 1800)),
-    _protocol("pulses near the empty cell", 0.2, (1, 30), (0, 900), (2, 20), (0, 900)),
-    _protocol("alternating current of one minute", 0.5, *(((1.5, 60), (-1.5, 60)) * 10), (0, 1800)),
+    Protocol("symmetric half-range cycles at C/5", 0.7, ((0.2, 7200), (0, 1800), (-0.2, 7200), (0, 1800))),
+    Protocol("pulses near the empty cell", 0.2, ((1, 30), (0, 900), (2, 20), (0, 900))),
+    Protocol("alternating current of one minute", 0.5, (*(((1.5, 60), (-1.5, 60)) * 10), (0, 1800))),
 )
 """What is tried."""
 

@@ -7,16 +7,12 @@ from functools import partial
 import numpy as np
 
 from ..effect import Effect, Evidence
-from ..parameters import ParameterSpace
 from ..trajectory import FloatArray
 from .explanation import Explanation
 from .findings import Listener, Nomination
 from .fitting import Fitter
 from .judgement import temperature_misfit_of
 from .score import Score, score_effect, trusted_step
-
-_REACH = 3.0
-"""Standard deviations of the priors by which base parameters move along with an effect before anything is fitted."""
 
 _SHORT = 12
 """Steps of a short fit: enough to rank effects."""
@@ -46,7 +42,7 @@ def nominate(
             nomination.lacks = "could not be simulated at the base fit"
         else:
             nomination.sensitivity, nomination.deviation = sensitivity, fitter.problem.deviation()
-            nomination.score = score_of(base, nomination.effect, sensitivity)
+            nomination.score = score_effect(base.fit, sensitivity, _ends(nomination.effect))
     scored = [nomination for nomination in shown if nomination.score is not None]
     strong = fitter.problem.side_by_side([partial(score_where_strong, fitter, base, n) for n in scored])
     for nomination, score in zip(scored, strong, strict=True):
@@ -71,7 +67,9 @@ def nominate_second(fitter: Fitter, first: Explanation, nominations: Sequence[No
         if known.sensitivity is None or known.deviation is None or known.effect.name in first.names:
             continue
         sensitivity = known.sensitivity * known.deviation / deviation
-        found.append(Nomination(known.effect, "", score_of(first, known.effect, sensitivity), sensitivity, deviation))
+        score = score_effect(first.fit, sensitivity, _ends(known.effect))
+        nomination = Nomination(known.effect, "", score, sensitivity, deviation, beside=first.effects)
+        found.append(nomination)
     return sorted(found, key=lambda n: -n.gain)
 
 
@@ -93,12 +91,6 @@ def sensitivities_of(fitter: Fitter, explanation: Explanation, effects: Sequence
     return sensitivities
 
 
-def score_of(explanation: Explanation, effect: Effect, sensitivity: FloatArray) -> Score:
-    """Score an effect on what an explanation leaves."""
-    fit = explanation.fit
-    return score_effect(fit.residual, fit.jacobian, sensitivity, fit.space, fit.u, _ends(effect))
-
-
 def score_where_strong(fitter: Fitter, before: Explanation, nomination: Nomination) -> Score:
     """The score of an effect, or that of one of its larger strengths where this promises more.
 
@@ -106,16 +98,17 @@ def score_where_strong(fitter: Fitter, before: Explanation, nomination: Nominati
     layer that relaxes faster than the record is sampled. What a strength leaves is simulated, and the base parameters
     are moved along as their derivatives say. The strengths are those from which a short fit starts.
     """
-    effect, fit, known = nomination.effect, before.fit, nomination.score
+    fit, known = before.fit, nomination.score
     assert known is not None
-    space = ParameterSpace((*fit.space, *effect.searched))
+    space = fitter.space_with(nomination.effects)
     least, worse, best = np.inf, 0, known
-    without = fit.cost - trusted_step(fit.jacobian, fit.residual, fit.space, fit.u, _REACH)[1]
+    without = fit.cost - trusted_step(fit, fit.residual)[1]
     for strength in _strengths(nomination, _wanted_sign(nomination)):
-        residual = fitter.residuals((*before.effects, effect))([space.at(_with_effect(effect, fit.u, strength))])[0]
+        start = _with_effect(nomination.effect, fit.u, strength)
+        residual = fitter.residuals(nomination.effects)([space.at(start)])[0]
         left, worse = np.inf, worse + 1
         if residual is not None:
-            moved = trusted_step(fit.jacobian, residual, fit.space, fit.u, _REACH)[1]
+            moved = trusted_step(fit, residual)[1]
             left = float(residual @ residual) + fit.prior_cost - moved
         if left < least:
             least, worse = left, 0
@@ -137,22 +130,21 @@ def screen(
 ) -> None:
     """Give a nomination short fits beside what is known, each from the best of some starts; the best one is kept.
 
-    One begins near the parameters that are known. ``either_sign`` adds one with strengths that the score advises
-    against: where an effect moves the minute at which a cell is empty (a leak, an offset of the current), derivatives
-    at a base model whose parameters were fitted to the effect say little. One more begins at the means of the priors
-    where the base model is lost. ``as_new`` keeps the parameters, those of the cell before it aged, where they are.
+    One starts near the parameters of the explanation ``before``. ``either_sign`` adds one with strengths of the sign
+    against which the score speaks: where an effect changes the time at which a cell is empty (a leak, an offset of the
+    current), derivatives at a base model whose parameters compensate for the effect say little. If these parameters are
+    far from their priors, one more starts at the means of the priors. ``as_new`` keeps the parameters, which are those
+    of the cell before it aged, where they are.
     """
     sign = _wanted_sign(nomination)
     ladders = [_near(before, nomination, one, as_new) for one in ((sign, -sign) if either_sign else (sign,))]
     if _is_lost(before) and not as_new:
         ladders.append(_at_priors(fitter, before, nomination, sign))
-    effects = (*before.effects, nomination.effect)
-    space = ParameterSpace((*before.fit.space, *nomination.effect.searched))
     for ladder in ladders:
-        start = fitter.nearest(effects, space, ladder)
-        found = None if start is None else fitter.fit(effects, space, start, _SHORT + len(space))
+        start = fitter.nearest(nomination.effects, ladder)
+        found = None if start is None else fitter.fit(nomination.effects, start, _SHORT + len(start))
         if found is not None:
-            temperature_misfit = temperature_misfit_of(fitter.problem, effects, found.candidate)
+            temperature_misfit = temperature_misfit_of(fitter.problem, nomination.effects, found.candidate)
             if found.cost + temperature_misfit < nomination.promise:
                 nomination.screened, nomination.temperature_misfit = found, temperature_misfit
 
@@ -165,7 +157,7 @@ def _near(before: Explanation, nomination: Nomination, sign: float, as_new: bool
         starts = [_with_effect(nomination.effect, fit.u, strength)]
         if not as_new:
             there = fit.residual + strength * nomination.sensitivity
-            step, _ = trusted_step(fit.jacobian, there, fit.space, fit.u, _REACH)
+            step, _ = trusted_step(fit, there)
             starts.append(_with_effect(nomination.effect, fit.u + step, strength))
         ladder.append(starts)
     return ladder
@@ -193,7 +185,7 @@ def _is_lost(explanation: Explanation) -> bool:
 
 
 def _wanted_sign(nomination: Nomination) -> float:
-    """The side of the null that the score asks for."""
+    """The side of the null on which the score estimates the strength: 1 or -1."""
     _, high = _ends(nomination.effect)
     return -1.0 if _wanted(nomination) < 0 or high <= 0 else 1.0
 
@@ -203,7 +195,7 @@ def _wanted(nomination: Nomination) -> float:
 
 
 def _strengths(nomination: Nomination, sign: float) -> list[float]:
-    """Strengths to start from, in probes from the null: fixed ones, and as large a one as the score asks for."""
+    """Strengths to start from, in probes from the null: fixed ones, and one of the size that the score estimates."""
     low, high = _ends(nomination.effect)
     strengths = {sign * size for size in (*_STRENGTHS, abs(_wanted(nomination)))}
     return sorted((one for one in strengths if one and 0.95 * low <= one <= 0.95 * high), key=abs)

@@ -16,7 +16,6 @@ from ..effect import Effect
 from ..parameters import Candidate, Parameter, ParameterSpace
 from ..trajectory import FloatArray
 from .current_offset import current_offset
-from .evidence import is_long
 from .observations import Observations, subset
 from .refit import refit
 from .side_by_side import side_by_side
@@ -37,7 +36,7 @@ _ROOMY_SOC = 0.9
 """Where that fit starts if it cannot from the state of charge of another record."""
 
 _LARGEST_V = 0.02
-"""A larger difference between two meshes is not corrected but feared."""
+"""A larger difference between two meshes, V, is no correction: it counts as uncertainty only."""
 
 _UNSURE = 0.25
 """Share of the difference between two meshes that is uncertain after it was corrected: it was measured at one candidate
@@ -67,7 +66,6 @@ class Problem:
     # By record: what the finer mesh adds to the prediction, V. Applied to every prediction.
     corrections: dict[str, FloatArray] = field(default_factory=dict)
     mesh_sigma: dict[str, FloatArray] = field(default_factory=dict)
-    simulations: int = 0  # Candidates simulated so far; one counts however many records it has.
     # By record: which stretches are fitted. Left out, all are where there is a hold-out record; but of records of
     # many cycles every fifth block is held out in any case: a hold-out record of a cycle or two shows no ageing.
     masks: Sequence[NDArray[np.bool_]] | None = None
@@ -80,11 +78,12 @@ class Problem:
         self.fitted = [self._fitted_mask(one) for one in self.observations] if self.masks is None else list(self.masks)
         """By record: which stretches are fitted."""
         self._held_start: dict[tuple[str, str], Candidate] = {}
+        self._corrected_at: tuple[tuple[Effect, ...], dict[str, float]] | None = None
         records = [observed.measured_record for observed in (*self.observations, *self.held_observations)]
         self._names_of_records = frozenset(name for record in records for name in record.own_names)
 
     def _fitted_mask(self, observed: Observations) -> NDArray[np.bool_]:
-        if self.held_observations and not is_long(observed.measured_record):
+        if self.held_observations and not observed.measured_record.is_long:
             return np.ones(len(observed), dtype=bool)
         turn = np.arange(len(observed)) // _BLOCK % _EVERY
         return np.asarray(turn != _held_turn(observed.voltage, turn), dtype=np.bool_)
@@ -106,9 +105,8 @@ class Problem:
 
     @property
     def simulated(self) -> float:
-        """How many of the simulations were made in this process; a journal answered the others."""
-        asked = self.simulator.simulations
-        return self.simulations * (1.0 - self.simulator.recalled / asked) if asked else 0.0
+        """How many candidates were simulated in this process; a journal answered for the others."""
+        return (self.simulator.simulations - self.simulator.recalled) / len(self.observations)
 
     def predict(self, effects: Sequence[Effect], candidate: Candidate) -> list[Prediction] | None:
         """Predictions for the fitted records, corrected for the mesh; None if one of them fails."""
@@ -116,7 +114,6 @@ class Problem:
 
     def predict_all(self, wanted: Sequence[tuple[Sequence[Effect], Candidate]]) -> list[list[Prediction] | None]:
         """Predictions as by `predict` for several candidates, each with its effects, side by side."""
-        self.simulations += len(wanted)
         found = iter(self._ask([(*one, observed) for one in wanted for observed in self.observations]))
         results = [[next(found) for _ in self.observations] for _ in wanted]
         return [None if None in result else [p for p in result if p is not None] for result in results]
@@ -130,7 +127,7 @@ class Problem:
 
     def _ask(
         self, wanted: Sequence[tuple[Sequence[Effect], Candidate, Observations]], fine: bool = False
-    ) -> list[Prediction | None]:
+    ) -> Sequence[Prediction | None]:
         found = self.simulator.predict([self._request(*one, fine) for one in wanted])
         if fine:
             return found
@@ -205,12 +202,12 @@ class Problem:
 
         Returns its root mean square, V.
         """
+        self._corrected_at = (tuple(effects), dict(candidate))
         usual_all: list[FloatArray] = []
         for observed in (*self.observations, *self.held_observations):
             known = self.corrections.pop(observed.name, None)
             usual = self._at_first_soc(effects, candidate, observed)
             fine = self._at_first_soc(effects, candidate, observed, fine=True)
-            self.simulations += 2
             if usual is None or fine is None:
                 if known is not None:
                     self.corrections[observed.name] = known
@@ -228,7 +225,12 @@ class Problem:
         return float(np.sqrt(np.mean(np.concatenate(usual_all) ** 2))) if usual_all else 0.0
 
     def correct_mesh_anew(self, effects: Sequence[Effect], candidate: Candidate) -> bool:
-        """Measure the mesh correction at another candidate; whether it moved by more than was uncertain of it."""
+        """Measure the mesh correction at another candidate; whether it moved by more than was uncertain of it.
+
+        Where it was measured last it has not moved, and nothing is simulated.
+        """
+        if self._corrected_at == (tuple(effects), dict(candidate)):
+            return False
         known, unsure = dict(self.corrections), dict(self.mesh_sigma)
         self.correct_mesh(effects, candidate)
         nothing = np.zeros(1)
@@ -244,10 +246,9 @@ class Problem:
         """
         if self.low_fidelity or not self.simulator.has_low_fidelity:
             return None
-        low = replace(self, masks=self.fitted, low_fidelity=True, corrections={}, simulations=0)
+        low = replace(self, masks=self.fitted, low_fidelity=True, corrections={})
         for observed in (*self.observations, *self.held_observations):
             ours, theirs = (one._at_first_soc(effects, candidate, observed) for one in (self, low))
-            self.simulations += 2
             if ours is None or theirs is None:
                 return None
             low.corrections[observed.name] = ours.voltage - theirs.voltage
@@ -290,7 +291,6 @@ class Problem:
         record, weight = observed.measured_record, 1 / np.sqrt(observed.sigma**2 + self.misfit_v**2)
 
         def errors(states: Sequence[Candidate]) -> list[FloatArray | None]:
-            self.simulations += len(states)
             found = self._ask([(effects, {**candidate, **state}, observed) for state in states])
             return [None if one is None else observed.voltage - one.voltage for one in found]
 

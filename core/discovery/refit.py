@@ -39,7 +39,6 @@ class Refit:
     jacobian: FloatArray  # Derivative of the residual by the coordinates; shape (n, p).
     # Whether a fresh Jacobian promised no further gain; not where none of it could be measured.
     converged: bool
-    simulations: int
     # The standard deviations that ``residual`` and ``jacobian`` are in, V, where they are known; shape (n,).
     deviation: FloatArray | None = None
     # Fall in cost that a full step predicts on the fresh Jacobian the fit ended with; infinite if it had none.
@@ -129,7 +128,7 @@ def refit(
     # A short step gains little because it is short: the gain of a full step decides.
     promised = search.predicted
     converged = promised <= max(5 * tolerance * search.cost, _SETTINGS.noise**2)
-    return Refit(space, search.point, search.residual, jacobian, converged, search.simulations, promised=promised)
+    return Refit(space, search.point, search.residual, jacobian, converged, promised=promised)
 
 
 def _by_differences(

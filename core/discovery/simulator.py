@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 from ..effect import Effect
 from ..parameters import Candidate
 from ..target import soc_name
-from ..trajectory import FloatArray, Trajectory
+from ..trajectory import FloatArray, StepKind, Trajectory
+
+_MANY = 6
+"""Cycles from which a record may show a cell that ages."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +41,20 @@ class MeasuredRecord:
     def own_names(self) -> tuple[str, str]:
         """The fitted parameters that act on this record alone."""
         return self.soc_name, self.offset_name
+
+    @property
+    def full_cycles(self) -> int:
+        """Cycles that contain both a charge and a discharge of some length; pulses and drives make no cycle."""
+        kinds: dict[int, set[str]] = {}
+        for step in self.record.steps:
+            kinds.setdefault(step.cycle, set()).add(step.kind)
+        both = {StepKind.CC_CHARGE, StepKind.CC_DISCHARGE}
+        return sum(both <= found for found in kinds.values())
+
+    @property
+    def is_long(self) -> bool:
+        """Whether the record has so many cycles that the cell may have aged on the way."""
+        return self.full_cycles >= _MANY
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +101,7 @@ class Request:
     fine: bool = False
     soc: float | None = None  # State of charge at which the record starts, 0 to 1; None keeps the parameter set's.
     offset: float = 0.0  # What is added to the measured current, A.
-    # Whether the simulator's cheaper model is to answer; see `Simulator.has_low_fidelity`.
+    # Whether the simulator's cheaper model is to answer; see `Answering.has_low_fidelity`.
     low_fidelity: bool = False
 
     @property
@@ -147,9 +164,5 @@ class Answering(Protocol[Asked, Given]):
         ...
 
 
-class Simulator(Answering[Request, Prediction], Protocol):
-    """Predicts voltage and temperature of measured records."""
-
-    def predict(self, requests: Sequence[Request]) -> list[Prediction | None]:
-        """See `Answering.predict`."""
-        ...
+Simulator = Answering[Request, Prediction]
+"""Predicts voltage and temperature of measured records."""

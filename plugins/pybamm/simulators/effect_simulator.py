@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from ....core.discovery.evidence import is_long
 from ....core.discovery.simulator import MeasuredRecord, Prediction, Request
 from ....core.effect import Effect
 from ....core.errors import BsaError
@@ -68,7 +67,7 @@ class EffectSimulator:
         self.refused: dict[str, str] = {}
 
     def predict(self, requests: Sequence[Request]) -> list[Prediction | None]:
-        """Simulate one after the other; see `Simulator.predict`."""
+        """Simulate one after the other; see `Answering.predict`."""
         return [self._predict(request) for request in requests]
 
     def _predict(self, request: Request) -> Prediction | None:
@@ -137,13 +136,13 @@ class EffectSimulator:
             return [measured_record]
 
         def like(one: MeasuredRecord) -> tuple[float | None, float | None, bool]:
-            return one.ambient_k, one.initial_k, is_long(one)
+            return one.ambient_k, one.initial_k, one.is_long
 
         return [one for one in self._together if like(one) == like(measured_record)]
 
     def _resolution(self, measured_record: MeasuredRecord, fine: bool) -> Resolution:
         chosen = self._resolutions[fine]
-        return replace(chosen, rtol=min(chosen.rtol, _RTOL_OF_MANY_CYCLES)) if is_long(measured_record) else chosen
+        return replace(chosen, rtol=min(chosen.rtol, _RTOL_OF_MANY_CYCLES)) if measured_record.is_long else chosen
 
 
 def has_low_fidelity(cell: CellModel) -> bool:

@@ -15,10 +15,10 @@ def test_a_base_fit_also_starts_from_the_charge_that_the_voltage_tells(monkeypat
     fitter = Fitter(problem, space, Settings(), print)
     starts = []
 
-    def fit(effects, space, start, budget, tolerance):
+    def fit(effects, start, budget, tolerance):
         starts.append(start)
         # The start that comes nearer ends farther off.
-        return replace(Fitter.fit(fitter, effects, space, start, 1), residual=np.full(3, 9.0 if np.any(start) else 1.0))
+        return replace(Fitter.fit(fitter, effects, start, 1), residual=np.full(3, 9.0 if np.any(start) else 1.0))
 
     monkeypatch.setattr(fitter, "fit", fit)
     found = _fit_from_somewhere(fitter, as_believed)

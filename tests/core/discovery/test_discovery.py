@@ -22,7 +22,7 @@ def found(
     verdict: str, effects: tuple[Effect, ...] = (ONE,), left: Adequacy = MORE, restricted: bool = False, tried: int = 3
 ) -> RecordDiscovery:
     space = ParameterSpace((Parameter("soc", 0.9, 0.0, 1.08, target=InitialSoc("a"), deviation=0.02),))
-    fit = Refit(space, np.array([6.0]), np.zeros(9), np.ones((9, 1)), True, 1)
+    fit = Refit(space, np.array([6.0]), np.zeros(9), np.ones((9, 1)), True)
     best = Explanation(effects, fit, left, 1e-3, 1e-3, np.zeros(9), np.ones(9))
     nominations = [Nomination(e, "" if n < tried else "no rest") for n, e in enumerate((ONE, TWO, OTHER))]
     findings = Findings(verdict, Gap(best, best, 1e-3, 1e-3), best, nominations=nominations)

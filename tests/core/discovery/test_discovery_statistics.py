@@ -29,7 +29,7 @@ def test_intervals_hold_where_an_error_is_the_same_over_a_whole_step():
     for _ in range(400):
         residual = rng.normal(size=120) + floors @ rng.normal(size=3)
         u = -np.linalg.lstsq(jacobian, residual, rcond=None)[0]
-        fit = Refit(space(2), u, residual + jacobian @ u, jacobian, True, 1)
+        fit = Refit(space(2), u, residual + jacobian @ u, jacobian, True)
         for name, systematic in (("white", None), ("systematic", floors)):
             held[name] += abs(u[0]) < 1.96 * np.sqrt(fit.covariance(1.0, systematic)[0, 0])
     assert held["white"] < 0.5 * 400
@@ -99,7 +99,7 @@ def test_parameters_that_priors_hold_raise_no_false_alarms():
     for _ in range(1500):
         seen = jacobian @ rng.normal(size=10) + rng.normal(size=200)
         u = np.linalg.solve(jacobian.T @ jacobian + np.eye(10), jacobian.T @ seen)
-        fit = Refit(held, u, seen - jacobian @ u, -jacobian, True, 1)
+        fit = Refit(held, u, seen - jacobian @ u, -jacobian, True)
         alarms += not judge([fit.residual], [np.zeros(200, dtype=int)], fit.taken).adequate
     assert 0.5 < np.sum(fit.taken**2) < 2.0
     assert alarms / 1500 < 2.0 * FALSE_ALARM
@@ -118,7 +118,7 @@ def test_what_a_fit_takes_from_noise_raises_no_false_alarms(count, parameters, s
     for _ in range(400):
         seen = rng.normal(size=count)
         u = np.linalg.lstsq(responses, seen, rcond=None)[0]
-        fit = Refit(space(parameters), u, seen - responses @ u, -responses, True, 1)
+        fit = Refit(space(parameters), u, seen - responses @ u, -responses, True)
         alarms += not judge([fit.residual], [step], fit.taken).adequate
     assert alarms / 400 < 2.5 * FALSE_ALARM
 
@@ -144,7 +144,8 @@ def test_the_score_recovers_size_and_sign_behind_parameters(seed, size, sign):
     mark = rng.normal(size=120) + jacobian @ rng.normal(size=4)
     # residual = data - model falls as the strength rises by what the mark says
     residual = -sign * size * mark - jacobian @ rng.normal(size=4)
-    score = score_effect(residual, jacobian, mark, space(4), np.zeros(4), (0.0, 100.0), reach=1e3)
+    fit = Refit(space(4), np.zeros(4), residual, jacobian, True)
+    score = score_effect(fit, mark, (0.0, 100.0), reach=1e3)
     assert np.sign(score.z) == sign
     if sign > 0:
         assert score.amplitude == pytest.approx(size, rel=1e-3)
@@ -160,25 +161,22 @@ def test_what_parameters_imitate_has_no_score(seed):
     rng = np.random.default_rng(seed)
     jacobian = rng.normal(size=(80, 3))
     mark = jacobian @ rng.normal(size=3)
-    score = score_effect(rng.normal(size=80), jacobian, mark, space(3), np.zeros(3), (0.0, 10.0), reach=1e3)
+    fit = Refit(space(3), np.zeros(3), rng.normal(size=80), jacobian, True)
+    score = score_effect(fit, mark, (0.0, 10.0), reach=1e3)
     assert abs(score.z) < 1e-2 or score.gain < 1e-3
 
 
-def test_a_fit_converges_inside_bounds_and_counts_what_it_spends():
+def test_a_fit_converges_inside_bounds():
     rng = np.random.default_rng(1)
     matrix = rng.normal(size=(60, 3))
     target = matrix @ np.array([1.0, -2.0, 80.0])
-    calls = 0
 
     def residual(candidate):
-        nonlocal calls
-        calls += 1
         return target - matrix @ np.array([candidate[f"p{k}"] for k in range(3)])
 
     fit = refit(each(residual), space(3), np.zeros(3), tolerance=1e-8)
     assert fit is not None
     assert fit.converged
-    assert fit.simulations == calls
     assert fit.candidate["p2"] == pytest.approx(50.0)
     assert np.all(np.abs(fit.u) <= 50.0 + 1e-9)
 
@@ -218,11 +216,11 @@ def test_a_slope_is_taken_over_what_the_data_can_see():
         return each(residual)(candidates)
 
     here = residual({"p0": 0.0, "p1": 0.0})
-    jacobian = slopes_at(counted, Refit(both, np.zeros(2), here, np.zeros((50, 2)), False, 1))
+    jacobian = slopes_at(counted, Refit(both, np.zeros(2), here, np.zeros((50, 2)), False))
     assert jacobian[0, 0] == pytest.approx(3000, rel=0.05)
     assert jacobian[0, 1] == pytest.approx(1.0)
     first, asked = asked, 0
-    again = slopes_at(counted, Refit(both, np.zeros(2), here, jacobian, False, 1))
+    again = slopes_at(counted, Refit(both, np.zeros(2), here, jacobian, False))
     assert asked == 2 < first
     assert again[0, 0] == pytest.approx(3000, rel=0.05)
 

@@ -10,7 +10,6 @@ from bsa.core.discovery.fitting import Fitter
 from bsa.core.discovery.nomination import nominate, screen
 from bsa.core.discovery.rules import RULES, bic_difference
 from bsa.core.discovery.simulator import Prediction
-from bsa.core.parameters import ParameterSpace
 
 CATALOGUE = (toy.QUADRATIC, toy.HYSTERESIS, toy.SLOW)
 
@@ -57,7 +56,7 @@ def test_the_mesh_is_corrected_where_the_best_explanation_ended():
 @pytest.mark.parametrize("held", [True, False])
 def test_an_explanation_keeps_the_errors_of_the_hold_out_records_that_its_own_error_is_of(held):
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01}, held)
-    found = Engine(problem, space, CATALOGUE, toy.EVIDENCE)._fitter.at((), space, np.zeros(len(space)))
+    found = Engine(problem, space, CATALOGUE, toy.EVIDENCE)._fitter.at((), np.zeros(len(space)))
     assert [len(error) for error in found.held_errors] == [len(one) for one in problem.held_observations]
     for error, observed in zip(found.held_errors, problem.held_observations, strict=True):
         squares = error**2 + observed.noise**2 * (1 - 1 / observed.count)
@@ -165,8 +164,8 @@ def test_an_effect_that_the_records_cannot_show_is_left_out():
 
 def test_a_base_fit_that_stopped_short_is_no_missing_effect(monkeypatch):
     def stopped_short(fitter):
-        fit = fitter.fit((), fitter.space, np.array([0.2, 4.9, 4.9]), 4)
-        return fitter.explain((), fit), 0.0
+        fit = fitter.fit((), np.array([0.2, 4.9, 4.9]), 4)
+        return fitter.explain((), fit)
 
     monkeypatch.setattr("bsa.core.discovery.engine.calibrate", stopped_short)
     monkeypatch.setattr("bsa.core.discovery.engine.temper", lambda fitter, base: base)
@@ -180,8 +179,8 @@ def decided(problem, base, explanations):
 
 
 def fitted(fitter, effects, budget):
-    space = ParameterSpace((*fitter.space, *(p for effect in effects for p in effect.searched)))
-    fit = fitter.fit(effects, space, np.concatenate([[0.2], np.zeros(len(space) - 1)]), budget)
+    start = np.concatenate([[0.2], np.zeros(len(fitter.space_with(effects)) - 1)])
+    fit = fitter.fit(effects, start, budget)
     return fitter.explain(effects, fit)
 
 
@@ -199,7 +198,7 @@ def test_two_effects_that_hide_behind_each_other_are_tried_together_whatever_a_s
 def test_beside_a_base_model_that_is_lost_an_effect_starts_from_what_is_believed():
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.02})
     fitter = Fitter(problem, space, Settings(), print)
-    lost = fitter.at((), space, np.array([3.0, 9.0, -9.0]))
+    lost = fitter.at((), np.array([3.0, 9.0, -9.0]))
     lost.fit = replace(lost.fit, jacobian=np.zeros_like(lost.fit.jacobian))  # says nothing of the way back
     (nomination,) = nominate(fitter, lost, [toy.HYSTERESIS], toy.EVIDENCE, print)
     screen(fitter, lost, nomination)

@@ -46,6 +46,28 @@ def test_a_mesh_is_trusted_no_more_where_two_of_them_happen_to_cross(height):
     assert np.any(problem.corrections["a"]) == (height < 0.02)
 
 
+def test_a_mesh_correction_is_not_measured_again_where_it_was_measured_last():
+    problem, space = toy.problem(np.random.default_rng(0), {})
+    problem.simulator = Stairs(1800.0, 0.002)
+    asked, predict = [], problem.simulator.predict
+    problem.simulator.predict = lambda requests: asked.extend(requests) or predict(requests)
+    here, there = space.at(np.zeros(len(space))), space.at(np.full(len(space), 0.5))
+    problem.correct_mesh((), here)
+    known, count = dict(problem.corrections), len(asked)
+    assert not problem.correct_mesh_anew((), space.at(np.zeros(len(space))))
+    assert len(asked) == count
+    assert not problem.correct_mesh_anew((), there)
+    assert len(asked) == 2 * count
+    for name, change in known.items():
+        np.testing.assert_allclose(problem.corrections[name], change, atol=1e-12)
+
+
+def test_candidates_that_a_journal_answers_are_not_counted_as_simulated():
+    problem, _ = toy.problem(np.random.default_rng(0), {})
+    problem.simulator.simulations, problem.simulator.recalled = 10, 4
+    assert problem.simulated == 3.0  # of two records each
+
+
 def test_a_cheaper_model_is_shifted_to_agree_at_one_candidate():
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
     assert problem.shifted_low_fidelity((), space.at(np.zeros(len(space)))) is None

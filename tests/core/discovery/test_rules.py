@@ -14,7 +14,7 @@ from bsa.core.parameters import Parameter, ParameterSpace
 
 def explanation(name, kelvin, rmse=1.0):
     effect = Effect(name, name, "", (EffectParameter("size", "", 0.0, 0.0, 10.0, 1.0),), "", "")
-    fit = Refit(ParameterSpace(effect.searched), np.zeros(1), np.full(80, rmse), np.ones((80, 1)), True, 1)
+    fit = Refit(ParameterSpace(effect.searched), np.zeros(1), np.full(80, rmse), np.ones((80, 1)), True)
     errors = rmse * np.where(np.arange(80) % 2, 1e-3, -1e-3)
     sigma = np.full(80, 1e-3)
     found = Explanation((effect,), fit, Adequacy(0.5, 0.5, 1.0), 1e-3, 1e-3, errors, sigma, kelvin)

@@ -22,7 +22,7 @@ from bsa.experiments.discovery_journal import opened
 def explanation(name, error_mv, p=0.0):
     effect = Effect(name, name, "", (EffectParameter("size", "", 0.0, 0.0, 10.0, 1.0),), "", "")
     errors = 1e-3 * error_mv * np.where(np.arange(80) % 2, 1.0, -1.0)
-    fit = Refit(ParameterSpace(effect.searched), np.zeros(1), errors / 1e-3, np.ones((80, 1)), True, 1)
+    fit = Refit(ParameterSpace(effect.searched), np.zeros(1), errors / 1e-3, np.ones((80, 1)), True)
     v = 1e-3 * error_mv
     found = Explanation((effect,), fit, Adequacy(p, p, 1.0), v, v, errors, np.full(80, 1e-3))
     found.estimates = {effect.key: (Estimate("size", "", 1.0, (0.9, 1.1), 0.0, False),)}

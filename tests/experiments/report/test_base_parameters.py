@@ -27,7 +27,7 @@ U = np.array([0.0, 0.5, 9.0, 1.0])
 
 def found(deviation: float | None) -> RecordDiscovery:
     weighed = None if deviation is None else np.full(40, deviation)
-    fit = Refit(SPACE, U, np.zeros(40), np.vstack([10.0 * np.eye(4)] * 10), True, 1, weighed)
+    fit = Refit(SPACE, U, np.zeros(40), np.vstack([10.0 * np.eye(4)] * 10), True, weighed)
     best = Explanation((RESISTANCE,), fit, Adequacy(0.0, 0.0, 1.0), 1e-3, 1e-3, np.zeros(40), np.full(40, 1e-3))
     findings = Findings("effect-found", Gap(best, best, 1e-3, 1e-3), best, [], [best], [], "why")
     return RecordDiscovery(findings, [], [], [], 2.0)

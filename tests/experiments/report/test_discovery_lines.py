@@ -17,7 +17,7 @@ RESISTANCE = Effect("contact-resistance", "", "", (EffectParameter("size", "Ohm"
 
 
 def explanation(effects: tuple[Effect, ...], rmse_v: float, held_v: float) -> Explanation:
-    fit = Refit(ParameterSpace(()), np.zeros(0), np.zeros(4), np.zeros((4, 0)), True, 1)
+    fit = Refit(ParameterSpace(()), np.zeros(0), np.zeros(4), np.zeros((4, 0)), True)
     found = Explanation(effects, fit, Adequacy(0.5, 0.5, 1.0), rmse_v, held_v, np.zeros(4), np.ones(4))
     estimate = Estimate("contact_resistance", "Ohm", 0.012, (0.0107, 0.0133), 0.0, False)
     found.estimates = {effect.key: (estimate,) for effect in effects}

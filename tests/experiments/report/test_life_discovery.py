@@ -20,7 +20,7 @@ SEI, PLATING = (next(e for e in EFFECTS if e.name == name) for name in ("sei-gro
 def explanation(effects: tuple[Any, ...], error_v: float) -> Explanation:
     space = ParameterSpace(tuple(replace(p, initial=12.0) for effect in effects for p in effect.searched))
     residual, jacobian = np.full(9, 1e3 * error_v), np.full((9, len(space)), 3.0)
-    fit = Refit(space, np.zeros(len(space)), residual, jacobian, True, 1)
+    fit = Refit(space, np.zeros(len(space)), residual, jacobian, True)
     found = Explanation(effects, fit, Adequacy(0.0, 0.0, 1.0), error_v, 2 * error_v, 1e-3 * residual, np.ones(9))
     found.estimates = estimates_of(effects, fit, 1.0)
     return found

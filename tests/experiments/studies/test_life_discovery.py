@@ -28,7 +28,7 @@ def test_a_hidden_life_is_cycled_between_its_limits(case: str, tmp_path: Path) -
 
 
 def test_an_explanation_that_was_not_accepted_names_nothing() -> None:
-    fit = Refit(ParameterSpace(()), np.zeros(0), np.zeros(9), np.zeros((9, 0)), True, 1)
+    fit = Refit(ParameterSpace(()), np.zeros(0), np.zeros(9), np.zeros((9, 0)), True)
     base = Explanation((), fit, Adequacy(0.0, 0.0, 1.0), 5e-3, 9e-3, np.zeros(9), np.ones(9))
     row = row_of("diffusion", Findings("unexplained", Gap(base, base, 1e-3, 1e-3), base, reason="why"), 12.0)
     assert (row.hidden, row.named, row.rivals) == ("sei-growth", "", "")
