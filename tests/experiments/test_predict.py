@@ -15,6 +15,7 @@ from bsa.experiments.cli.main import app
 from bsa.experiments.read_options import reading
 from bsa.experiments.task_request import CellChoice, Records, task_of_records
 from bsa.plugins.pybamm.cells.parameter_sets import load
+from bsa.plugins.pybamm.modelling.resolution import REFERENCE
 from bsa.plugins.pybamm.solving.experiment_kinds import solve_reference
 from typer.testing import CliRunner
 
@@ -29,7 +30,8 @@ def measured(c_rate: float, minutes: int, start: float = 0.0) -> pandas.DataFram
     nothing = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
     protocol = (("Rest for 60 seconds", f"Discharge at {c_rate}C for {minutes} minutes"),)
     experiment = Experiment("x", nothing, protocol, initial_soc=0.9)
-    run = solve_reference(CellModel("Chen2020", "SPM"), experiment, CellChange(**TRUE))
+    # As in a real cell, diffusion is resolved.
+    run = solve_reference(CellModel("Chen2020", "SPM"), experiment, CellChange(**TRUE), REFERENCE.graded())
     assert run.trajectory is not None
     kept = run.trajectory.time > start
     return pandas.DataFrame(
@@ -85,7 +87,7 @@ def test_a_later_record_is_scored_wherever_it_starts(fitted) -> None:
     assert "half" in at_rest._repr_html_()
     assert "half, held out: voltage" in repr(at_rest)
     loaded = fitted.predict(bsa.read_record(measured(0.5, 20, start=60.0), name="loaded"), workers=1)
-    assert loaded.errors["loaded"]["voltage"]["rms"] < 15.0  # its first sample is half a minute late
+    assert loaded.errors["loaded"]["voltage"]["rms"] < 20.0  # its first sample is half a minute late
     assert any("begins under load" in note for note in loaded.to_json()["notes"])
 
 

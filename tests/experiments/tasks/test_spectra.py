@@ -18,6 +18,7 @@ from bsa.experiments.run_record import read_run
 from bsa.experiments.task_request import CellChoice, Records, task_of_records
 from bsa.plugins.proposers.stage_data import view_of
 from bsa.plugins.pybamm.cells.state_of_charge import InitialState
+from bsa.plugins.pybamm.modelling.resolution import REFERENCE
 from bsa.plugins.pybamm.solving.experiment_kinds import solve_reference
 from typer.testing import CliRunner
 
@@ -39,7 +40,10 @@ def spectrum(path, soc: float, leads: float = 1e-7, voltage: bool = True):
     values["Negative electrode exchange-current density [A.m-2]"] = lambda *a: FACTOR * own(*a)
     model = pybamm.lithium_ion.SPMe({"surface form": "differential", "contact resistance": "true"})
     frequency = np.logspace(4, -2, 37)
-    solution = pybamm.EISSimulation(model, parameter_values=values).solve(frequency, initial_soc=f"{rest_v} V")
+    # As in a real cell, diffusion is resolved.
+    points = {**model.default_var_pts, "r_n": 200, "r_p": 200}
+    simulation = pybamm.EISSimulation(model, parameter_values=values, var_pts=points)
+    solution = simulation.solve(frequency, initial_soc=f"{rest_v} V")
     z = solution["Impedance [Ohm]"] + 2j * np.pi * frequency * leads
     columns = {"Frequency [Hz]": frequency, "Zreal [ohm]": z.real, "Zimag [ohm]": z.imag}
     pandas.DataFrame(columns | ({"Voltage [V]": rest_v} if voltage else {})).to_csv(path, index=False)
@@ -54,6 +58,7 @@ def discharge(path):
         CellModel("Chen2020", "SPMe", {"contact resistance": "true"}, {CONTACT: OHM}),
         Experiment("x", nothing, protocol, initial_soc=0.9),
         CellChange(factors={EXCHANGE.removesuffix(" factor"): FACTOR}),
+        REFERENCE.graded(),
     ).trajectory
     assert curve is not None
     table = {"Time [s]": curve.time, "Current [A]": -curve.current, "Voltage [V]": curve.voltage}
