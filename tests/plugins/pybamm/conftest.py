@@ -9,6 +9,7 @@ import pytest
 from bsa.core.target import CellChange, target_named
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import FloatArray, Step, StepKind, Trajectory
+from bsa.plugins.pybamm.modelling.resolution import REFERENCE
 from bsa.plugins.pybamm.solving.compiled import CompiledExperiment
 from bsa.plugins.pybamm.solving.experiment_kinds import solve_reference
 
@@ -37,8 +38,8 @@ def chen() -> CompiledExperiment:
 
 @pytest.fixture(scope="session")
 def measured() -> Trajectory:
-    """A short record of the reference cell: discharge, rest, charge; current positive on discharge."""
-    run = solve_reference(CellModel("Chen2020"), short_experiment(), CellChange())
+    """A short record of the reference cell, its particles resolved: discharge, rest, charge; positive on discharge."""
+    run = solve_reference(CellModel("Chen2020"), short_experiment(), CellChange(), REFERENCE.graded())
     assert run.trajectory is not None
     return run.trajectory
 
