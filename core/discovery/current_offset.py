@@ -1,32 +1,37 @@
-"""What rounding hides of a measured current: over many cycles its charge adds up."""
+"""What rounding and sampling hide of a measured current: over many cycles the charge adds up."""
+
+import math
 
 import numpy as np
 
 from ..comparison.noise import resolution
 from ..parameters import Parameter
+from ..taper import hidden_charge
 from ..target import CurrentOffset
 from .simulator import MeasuredRecord
 
 _COARSEST, _FINEST = 3e-4, 1e-5
-"""Deviation that rounding leaves of a current, as a share of its largest value: at most that of three digits, for a
-current that is written as one and the same number says nothing of its digits; and at least what moves the charge by
-a hundredth of a percent in ten cycles, of which voltages show nothing."""
+"""Deviation of a current, as a share of its largest value: that of rounding is at most the one of three digits, for a
+current that is written as one and the same number says nothing of its digits; and the whole is at least what moves the
+charge by a hundredth of a percent in ten cycles, of which voltages show nothing."""
 
 _LARGEST = 4.0
-"""Deviations by which an offset may be off at most: half a step of the reading is 1.7."""
+"""Deviations by which an offset may be off at most: half a step of the reading is 1.7, and sampling hides less than
+one."""
 
 
 def current_offset(measured_record: MeasuredRecord) -> Parameter | None:
-    """The offset of the current of a record of many cycles, with what rounding leaves of it as its prior.
+    """The offset of the current of a record of many cycles, with what rounding and sampling hide as its prior.
 
-    A constant current is rounded the same way in every cycle. None for other records: their rounding draws no charge
-    that shows.
+    A constant current is rounded the same way in every cycle, and the samples of a voltage hold miss the same charge in
+    every cycle. None for other records: what is hidden there draws no charge that shows.
     """
     if not measured_record.is_long:
         return None
-    current = measured_record.record.current
-    peak = float(np.max(np.abs(current)))
-    deviation = min(resolution(current), _COARSEST * peak)
+    record = measured_record.record
+    peak = float(np.max(np.abs(record.current)))
+    rounding = min(resolution(record.current), _COARSEST * peak)
+    deviation = math.hypot(rounding, hidden_charge(record) / record.duration)
     if deviation < _FINEST * peak:
         return None
     largest, target = _LARGEST * deviation, CurrentOffset(measured_record.name)

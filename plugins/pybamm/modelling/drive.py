@@ -9,9 +9,10 @@ from typing import Any
 import casadi
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
-from scipy.interpolate import PchipInterpolator, make_lsq_spline
+from scipy.interpolate import make_lsq_spline
 
 from ....core.errors import BsaError
+from ....core.taper import between_samples, taper_of
 from ....core.task import Protocol
 from ....core.trajectory import SECONDS_PER_HOUR, FloatArray, StepKind, Trajectory
 from ..cells.parameter_sets import pybamm
@@ -19,9 +20,6 @@ from ..cells.parameter_sets import pybamm
 _WITHIN = 2e-3
 """Distance of a measured current from the straight lines that stand for it, as a share of its largest value: what
 cyclers are accurate to. The charge is kept."""
-
-_BETWEEN = 4
-"""Parts into which the interval between two samples of a voltage hold is divided."""
 
 EMPTY_V, FULL_V = 0.5, 6.0
 """Voltages at which a simulated cell is empty or overfull until a measured current changes, in place of the set's
@@ -217,15 +215,17 @@ def pieces_of(record: Trajectory) -> list[Piece]:
     of constant current had its own; a voltage hold began with that of the charge before it.
     """
     result: list[Piece] = []
-    begin, before = float(record.time[0]), 0.0
+    begin = float(record.time[0])
     for step in record.steps:
-        time, current = record.time[step.start : step.stop], record.current[step.start : step.stop]
-        if time[0] > begin:
-            decays = step.kind is StepKind.CV_HOLD and before * current[0] > 0 and abs(before) > abs(current[0])
-            time, current = np.append(begin, time), np.append(before if decays else current[0], current)
+        if step.kind is StepKind.CV_HOLD:
+            time, current = taper_of(record, step)
+        else:
+            time, current = record.time[step.start : step.stop], record.current[step.start : step.stop]
+            if time[0] > begin:
+                time, current = np.append(begin, time), np.append(current[0], current)
         if time[-1] > begin:
             result.append(Piece(begin, *_knots(time - begin, current, step.kind), step.kind))
-        begin, before = float(time[-1]), float(current[-1])
+        begin = float(time[-1])
     return result
 
 
@@ -239,21 +239,7 @@ def _knots(time: FloatArray, current: FloatArray, kind: str) -> tuple[FloatArray
         return time[[0, -1]], np.array([mean, mean])
     keep = np.concatenate([[True], np.diff(time) > 0])
     time, current = time[keep], current[keep]
-    return _straight_knots(*(_between_samples(time, current) if kind is StepKind.CV_HOLD else (time, current)))
-
-
-def _between_samples(time: FloatArray, current: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """A hold's current with knots between its samples, where it decays much as an exponential does.
-
-    Straight lines between samples a minute apart overstate the charge of a hold by a few thousandths, always in one
-    direction: after twenty cycles the cell would be half a percent fuller than it was.
-    """
-    share = np.arange(_BETWEEN) / _BETWEEN
-    knots = np.append((time[:-1, None] + np.diff(time)[:, None] * share).ravel(), time[-1])
-    if np.any(current * current[0] <= 0):
-        return knots, np.interp(knots, time, current)
-    decay = PchipInterpolator(time, np.log(np.abs(current)))
-    return knots, np.sign(current[0]) * np.exp(decay(knots))
+    return _straight_knots(*(between_samples(time, current) if kind is StepKind.CV_HOLD else (time, current)))
 
 
 def _only_noise(current: FloatArray) -> bool:

@@ -7,7 +7,9 @@ from bsa.core.discovery.current_offset import current_offset
 from bsa.core.discovery.observations import observe
 from bsa.core.discovery.problem import Problem
 from bsa.core.discovery.simulator import MeasuredRecord
+from bsa.core.taper import hidden_charge
 from bsa.core.target import CurrentOffset, change_of
+from bsa.core.trajectory import StepKind
 
 
 def many_cycles(offset: float = 0.0) -> MeasuredRecord:
@@ -34,6 +36,19 @@ def test_a_current_that_is_one_number_is_known_to_three_digits_and_a_finely_read
     assert current_offset(made).deviation == pytest.approx(3e-4)
     read = made.record.current * (1.0 + 1e-7 * np.arange(len(made.record)))
     assert current_offset(replace(made, record=made.record.changed(current=read))) is None
+
+
+def test_a_finely_read_current_has_what_the_samples_of_its_voltage_holds_hide():
+    made = many_cycles()
+    time, current = made.record.time, made.record.current * (1.0 + 1e-7 * np.arange(len(made.record)))
+    hold = next(step for step in made.record.steps if step.kind is StepKind.CC_CHARGE)
+    since = time[hold.start : hold.stop] - time[hold.start]
+    current[hold.start : hold.stop] = current[hold.start] * np.exp(-since / (0.03 * since[-1]))
+    steps = tuple(replace(step, kind=StepKind.CV_HOLD) if step == hold else step for step in made.record.steps)
+    record = replace(made.record.changed(current=current), steps=steps)
+    offset = current_offset(replace(made, record=record))
+    assert offset.deviation == pytest.approx(hidden_charge(record) / record.duration, rel=1e-3)
+    assert offset.prior
 
 
 def test_a_record_of_few_cycles_has_none():
