@@ -43,7 +43,7 @@ def test_a_finely_read_current_has_what_the_samples_of_its_voltage_holds_hide():
     time, current = made.record.time, made.record.current * (1.0 + 1e-7 * np.arange(len(made.record)))
     hold = next(step for step in made.record.steps if step.kind is StepKind.CC_CHARGE)
     since = time[hold.start : hold.stop] - time[hold.start]
-    current[hold.start : hold.stop] = current[hold.start] * np.exp(-since / (0.03 * since[-1]))
+    current[hold.start : hold.stop] = current[hold.start] * np.exp(-5.0 * np.sqrt(since / since[-1]))
     steps = tuple(replace(step, kind=StepKind.CV_HOLD) if step == hold else step for step in made.record.steps)
     record = replace(made.record.changed(current=current), steps=steps)
     offset = current_offset(replace(made, record=record))
