@@ -19,7 +19,8 @@ from ....core.trajectory import FloatArray
 from ..modelling.resolution import Resolution
 from ..solving.driven_cell import FINE, SEARCH, DrivenCell
 
-_POINTS = (40, 80, 160)
+_USUAL = SEARCH.mesh()["r_n"]
+_POINTS = (_USUAL, 2 * _USUAL, 4 * _USUAL)
 _SHIFT_V = 1e-2
 """What twice as many points may change, V: less is corrected for after the base fit."""
 
