@@ -8,9 +8,10 @@ Kennedy & O'Hagan, J. R. Stat. Soc. B 63 (2001) 425. Rasmussen & Williams, Gauss
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.linalg import cho_solve, cholesky, eigh, qr, solve_triangular
 from scipy.optimize import minimize
 
 from ..trajectory import FloatArray
@@ -55,7 +56,7 @@ class Emulator:
         solved = solve_triangular(self.factor, across.T, lower=True, check_finite=False)
         alone = 1.0 + _LINEAR * (1.0 + np.sum((points - _MIDDLE) ** 2, axis=1))
         share = np.maximum(alone - np.sum(solved**2, axis=0), 0.0)
-        return self.rows @ self.best + across @ self.weights, share[:, None] * self.amplitudes
+        return self._inside + across @ self.weights, share[:, None] * self.amplitudes
 
     def expected_cost(self, point: FloatArray) -> tuple[float, FloatArray]:
         """Expected sum of squared residuals at a point of shape (p,), and its derivatives of shape (p,).
@@ -64,7 +65,7 @@ class Emulator:
         """
         curved, linear = _kernels(point[None, :], self.points, self.lengths)
         across, slopes = (curved + linear)[0], self._slopes(point, curved)
-        mean = self.rows @ self.best + across @ self.weights
+        mean = self._inside + across @ self.weights
         solved = cho_solve((self.factor, True), across, check_finite=False)
         alone = 1.0 + _LINEAR * (1.0 + float(np.sum((point - _MIDDLE) ** 2)))
         total = float(np.sum(self.amplitudes))
@@ -86,15 +87,19 @@ class Emulator:
             curved[0][:, None] * (self.points - point) / self.lengths**2 + _LINEAR * (self.points - _MIDDLE)
         )
 
-    @property
+    @cached_property
     def beyond(self) -> float:
         """Sum of squares of the best residuals outside the components: the same at every point."""
-        inside = self.rows @ self.best
-        return float(self.best @ self.best - inside @ inside)
+        return float(self.best @ self.best - self._inside @ self._inside)
+
+    @cached_property
+    def _inside(self) -> FloatArray:
+        """Components of the best residuals, shape (r,)."""
+        return np.asarray(self.rows @ self.best)
 
     def residuals(self, points: FloatArray) -> FloatArray:
         """The likeliest residuals at points of shape (k, p), shape (k, m)."""
-        return np.asarray(self.best + (self.predict(points)[0] - self.rows @ self.best) @ self.rows)
+        return np.asarray(self.best + (self.predict(points)[0] - self._inside) @ self.rows)
 
     def cost_function(self, dispersion: float = 1.0) -> Callable[[FloatArray], FloatArray]:
         """Twice the negative logarithm of the likelihood at points of shape (k, p), but for a constant.
@@ -143,16 +148,26 @@ def learn(points: FloatArray, residuals: FloatArray, earlier: Emulator | None = 
 
 
 def _leading_rows(changes: FloatArray) -> FloatArray:
-    """Orthonormal rows that span all but a small rest."""
-    _, singular, rows = np.linalg.svd(changes, full_matrices=False)
-    rest = np.sqrt(np.append(np.cumsum(singular[::-1] ** 2)[::-1][1:], 0.0) / len(changes))
-    return np.asarray(rows[: int(np.argmax(rest <= _LEFT_OUT)) + 1])
+    """Orthonormal rows that span all but a small rest, the leading ones first.
+
+    Of some hundred simulations with thousands of residuals each, the eigenvectors of the products are had in a tenth of
+    the time of a singular value decomposition.
+    """
+    squares, mixes = eigh(changes @ changes.T, check_finite=False)
+    squares, mixes = np.maximum(squares[::-1], 0.0), mixes[:, ::-1]
+    rest = np.sqrt(np.append(np.cumsum(squares[::-1])[::-1][1:], 0.0) / len(changes))
+    spanning = mixes[:, : int(np.argmax(rest <= _LEFT_OUT)) + 1].T @ changes
+    return np.asarray(qr(spanning.T, mode="economic", check_finite=False)[0].T)
 
 
 def _learnt_scales(points: FloatArray, components: FloatArray, tolerated: FloatArray, start: FloatArray) -> FloatArray:
     """Logarithms of the length scales and the nugget that are likeliest given the components of shape (n, r)."""
     count, outputs = components.shape
-    apart = (points[:, None, :] - points) ** 2
+    middle = points - np.mean(points, axis=0)
+
+    def apart(shares: FloatArray) -> FloatArray:
+        """Squared distances of all pairs of points, by coordinate, summed with symmetric shares of shape (n, n)."""
+        return np.asarray(2.0 * (np.sum(shares, axis=1) @ middle**2 - np.sum(middle * (shares @ middle), axis=0)))
 
     def misfit(log: FloatArray) -> tuple[float, FloatArray]:
         lengths = np.exp(log[:-1])
@@ -165,7 +180,7 @@ def _learnt_scales(points: FloatArray, components: FloatArray, tolerated: FloatA
         value = 0.5 * count * np.sum(np.log(powers)) + outputs * np.sum(np.log(np.diag(factor))) + 0.5 * off @ off
         inverse = cho_solve((factor, True), np.eye(count), check_finite=False)
         steer = 0.5 * outputs * inverse - 0.5 * count * (weights / powers) @ weights.T
-        slopes = np.einsum("ij,ijk->k", steer * curved, apart) / lengths**2 + off / _SPREAD
+        slopes = apart(steer * curved) / lengths**2 + off / _SPREAD
         return float(value), np.append(slopes, np.sum(np.diag(steer) * noise))
 
     bounds = [tuple(np.log(_LENGTHS))] * points.shape[1] + [tuple(np.log(_NUGGETS))]

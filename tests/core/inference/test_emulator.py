@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from bsa.core.inference.emulator import learn
+from bsa.core.inference.emulator import _leading_rows, learn
 from scipy.optimize import approx_fprime
 
 
@@ -59,3 +59,14 @@ def test_the_expected_cost_is_that_of_mean_and_variance_and_its_slopes_are_right
         moved = [found.residuals((point + 1e-6 * step)[None, :])[0] for step in np.eye(2)]
         differences = (np.array(moved) - found.residuals(point[None, :])[0]).T / 1e-6
         assert found.derivatives(point) == pytest.approx(differences, rel=1e-3, abs=1e-3)
+
+
+def test_leading_rows_are_those_of_a_singular_value_decomposition() -> None:
+    rng = np.random.default_rng(7)
+    changes = (rng.normal(size=(30, 6)) * np.geomspace(100.0, 1e-4, 6)) @ rng.normal(size=(6, 400))
+    rows = _leading_rows(changes)
+    _, singular, all_rows = np.linalg.svd(changes, full_matrices=False)
+    left_out = np.sqrt(np.sum(singular[len(rows) :] ** 2) / 30)
+    assert left_out <= 0.03 < np.sqrt(np.sum(singular[len(rows) - 1 :] ** 2) / 30)
+    np.testing.assert_allclose(rows @ rows.T, np.eye(len(rows)), atol=1e-12)
+    np.testing.assert_allclose(np.abs(np.sum(rows * all_rows[: len(rows)], axis=1)), 1.0, atol=1e-6)
