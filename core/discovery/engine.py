@@ -14,7 +14,7 @@ from ..printable import counted
 from .base_fit import calibrate, near_new, temper, without
 from .explanation import Explanation
 from .findings import Findings, Gap, Listener, Nomination, Settings
-from .fitting import LAG, Fitted, Fitter
+from .fitting import LAG, Fitter
 from .nomination import most_simulations, nominate, nominate_second, screen
 from .problem import Problem
 from .progress import Progress
@@ -244,22 +244,25 @@ class Engine:
         """Fit the best of some explanations until it has converged, and then single effects from where it ended.
 
         These are the ones whose own fit has not converged, which is no evidence against them; those that were
-        dropped after a short fit; and those that the best one has besides another, which had fewer simulations.
+        dropped after a short fit; and those that the best one has besides another, which had fewer simulations. Where
+        the best one leaves only noise, those that were dropped are fitted if this is a better start than their own fit:
+        a leak and an offset of the current draw the same charge, and one of them may have lagged by chance.
         """
         result = self._converge(base, explanations)
         if not result:
             return result
         leader = result[0]
         singles = [e for e in result[1:] if len(e.effects) == 1 and _is_open(e, leader)]
-        fits: dict[str, Fitted] = {e.label: (e.effects, e.fit) for e in singles}
-        if not leader.adequacy.adequate:
-            known = {e.label for e in result}
-            fits |= {
-                n.effect.key: (n.effects, n.screened)
-                for n in screened
-                if n.screened is not None and n.effect.key not in known
-            }
-        again = self.problem.side_by_side([partial(self._fitter.from_neighbour, *fit, leader) for fit in fits.values()])
+        fits: list[Callable[[], Explanation | None]] = [
+            partial(self._fitter.from_neighbour, e.effects, e.fit, leader) for e in singles
+        ]
+        known = {e.label for e in result}
+        fits += [
+            partial(self._fitter.from_neighbour, n.effects, n.screened, leader, leader.adequacy.adequate)
+            for n in screened
+            if n.screened is not None and n.effect.key not in known
+        ]
+        again = self.problem.side_by_side(fits)
         for found in again:
             known_one = next((e for e in result if found is not None and e.label == found.label), None)
             if found is not None and (known_one is None or bic_difference(known_one, found) > 0):

@@ -157,11 +157,14 @@ class Fitter:
             return None
         return self.explain(effects, Refit(space, u, here, np.zeros((len(here), len(space))), False))
 
-    def from_neighbour(self, effects: tuple[Effect, ...], known: Refit, leader: Explanation) -> Explanation | None:
+    def from_neighbour(
+        self, effects: tuple[Effect, ...], known: Refit, leader: Explanation, if_nearer: bool = False
+    ) -> Explanation | None:
         """Effects fitted once more from the base parameters of another fit; None where that leads nowhere near it.
 
         The true base parameters are the same whatever effect is added. An effect that comes near the data therefore
-        tells where those of similar effects (all that consume lithium) lie.
+        tells where those of similar effects (all that consume lithium) lie. With ``if_nearer`` they are fitted only if
+        a start with these parameters is better than where their own fit ended.
         """
         space, count = known.space, len(self.space)
         starts = []
@@ -170,7 +173,10 @@ class Fitter:
             # The strength's coordinate is -1 at its null.
             start[count] = np.clip(share * (start[count] + 1.0) - 1.0, space.lowest[count], space.highest[count])
             starts.append(start)
-        best, budget = self.nearest(effects, [starts]), self.settings.refit_budget
+        best = self.nearest(effects, [[known.u, *starts] if if_nearer else starts])
+        if best is known.u:
+            return None
+        budget = self.settings.refit_budget
         fit = None if best is None else self.fit(effects, best, budget // 3)
         if fit is None or fit.cost > leader.fit.cost + LAG:
             return None

@@ -33,6 +33,29 @@ def test_the_hidden_effect_is_named_and_measured(name, held):
     assert findings.best.held_rmse_v < findings.base.held_rmse_v
 
 
+@pytest.mark.parametrize("lagging", [False, True])
+def test_an_effect_that_lagged_in_its_short_fit_is_a_rival_of_what_leaves_noise_only(monkeypatch, lagging):
+    """A leak of 118 mA was named for an offset of the current of 118 mA, whose short fit had ended far off."""
+    twin, marks = toy.effect("twin"), toy.marks
+
+    def more(*of):
+        known = marks(*of)
+        return known | {"twin": known["quadratic"], "alike": known["quadratic"] + 0.5 * known["sign"]}
+
+    monkeypatch.setattr(toy, "marks", more)
+
+    def late(fitter, before, nomination, *how):
+        screen(fitter, before, nomination, *how)
+        if nomination.effect is twin and lagging:
+            nomination.screened = fitter.at((twin,), np.append(before.fit.u, 1.0)).fit
+
+    monkeypatch.setattr("bsa.core.discovery.engine.screen", late)
+    findings = run({"quadratic": 0.01}, catalogue=(*CATALOGUE, twin, toy.effect("alike")))
+    assert findings.verdict == "ambiguous"
+    assert findings.best.adequacy.adequate
+    assert {findings.best.label, *(rival.label for rival in findings.rivals)} == {toy.QUADRATIC.key, twin.key}
+
+
 class CoarseWhereStrong(toy.ToySimulator):
     """Its usual mesh is off where the effect is strong, as a slow wave along the record, and its fine one is not."""
 
