@@ -108,7 +108,7 @@ def measure(
 def _submeshes(model: Any) -> dict[str, Any]:
     """Meshes by PyBaMM's domain: those of particles are finer at the surface."""
     finer = pybamm.MeshGenerator(pybamm.Exponential1DSubMesh, {"side": "right", "stretch": _STRETCH})
-    usual = model.default_submesh_types
+    usual: dict[str, Any] = model.default_submesh_types
     return usual | {domain: finer for domain in ("negative particle", "positive particle") if domain in usual}
 
 
