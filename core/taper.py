@@ -9,18 +9,25 @@ _BETWEEN = 4
 """Parts into which the interval between two samples of a voltage hold is divided."""
 
 
-def taper_of(record: Trajectory, hold: Step) -> tuple[FloatArray, FloatArray]:
-    """Times (s) and current (A) of a hold, from the last sample of the step before it on.
+def from_its_beginning(record: Trajectory, step: Step) -> tuple[FloatArray, FloatArray]:
+    """Times (s) and current (A) of a step, from the last sample of the step before it on.
 
-    Cyclers log the first sample of a step up to a sampling interval late. A current that decays from that of the
-    charge before the hold had this value when the hold began; any other is constant up to its first sample.
+    Cyclers log the first sample of a step up to a sampling interval late (a minute late, in some records). The current
+    of a voltage hold that decays from that of the charge before it had this value when the hold began; any other is
+    constant up to its first sample.
     """
-    time, current = record.time[hold.start : hold.stop], record.current[hold.start : hold.stop]
-    if hold.start == 0 or time[0] <= record.time[hold.start - 1]:
+    time, current = record.time[step.start : step.stop], record.current[step.start : step.stop]
+    if step.start == 0 or time[0] <= record.time[step.start - 1]:
         return time, current
-    before = record.current[hold.start - 1]
-    decays = before * current[0] > 0 and abs(before) > abs(current[0])
-    return np.append(record.time[hold.start - 1], time), np.append(before if decays else current[0], current)
+    before = record.current[step.start - 1]
+    decays = step.kind is StepKind.CV_HOLD and before * current[0] > 0 and abs(before) > abs(current[0])
+    return np.append(record.time[step.start - 1], time), np.append(before if decays else current[0], current)
+
+
+def at_distinct_times(time: FloatArray, current: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The samples without those that have the time of the one before."""
+    keep = np.concatenate([[True], np.diff(time) > 0])
+    return time[keep], current[keep]
 
 
 def between_samples(time: FloatArray, current: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -44,8 +51,10 @@ def hidden_charge(record: Trajectory) -> float:
     parameter sets, SPMe and DFN, sampled every 10 to 180 s) the charge by all samples was off by less than this
     in 31, and by 0.42 of it in the median.
     """
-    tapers = [taper_of(record, step) for step in record.steps if step.kind is StepKind.CV_HOLD]
-    return abs(sum(_by_every_second(*taper) - _charge(*taper) for taper in tapers))
+    holds = [step for step in record.steps if step.kind is StepKind.CV_HOLD]
+    tapers = [at_distinct_times(*from_its_beginning(record, hold)) for hold in holds]
+    # Of two samples every second one is both.
+    return abs(sum(_by_every_second(*taper) - _charge(*taper) for taper in tapers if len(taper[0]) > 2))
 
 
 def _charge(time: FloatArray, current: FloatArray) -> float:

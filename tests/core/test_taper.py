@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from bsa.core.taper import between_samples, hidden_charge, taper_of
+from bsa.core.taper import between_samples, from_its_beginning, hidden_charge
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from hypothesis import given
 from hypothesis import strategies as st
@@ -33,7 +33,7 @@ def held(period_s, times=1):
 
 def test_a_hold_begins_where_the_charge_before_it_ended():
     record = held(60.0)
-    time, current = taper_of(record, record.steps[1])
+    time, current = from_its_beginning(record, record.steps[1])
     assert (time[0], current[0]) == (600.0, -3.0)
     assert len(time) == record.steps[1].stop - record.steps[1].start + 1
 
@@ -42,14 +42,14 @@ def test_a_hold_at_the_beginning_of_a_record_has_its_own_samples_only():
     record = held(60.0)
     step = record.steps[1]
     alone = record.picked(slice(step.start, step.stop), (Step(StepKind.CV_HOLD, 0, step.stop - step.start),))
-    time, _ = taper_of(alone, alone.steps[0])
+    time, _ = from_its_beginning(alone, alone.steps[0])
     assert time[0] == 660.0
 
 
 @given(period_s=st.sampled_from([20.0, 30.0, 60.0, 90.0, 180.0]))
 def test_the_charge_that_is_said_to_be_hidden_is_at_least_what_is_missed(period_s):
     record = held(period_s)
-    time, current = between_samples(*taper_of(record, record.steps[1]))
+    time, current = between_samples(*from_its_beginning(record, record.steps[1]))
     missed = abs(float(np.trapezoid(current, time)) - CHARGE)
     assert missed <= hidden_charge(record) <= 30 * missed + 0.1
 
@@ -57,6 +57,14 @@ def test_the_charge_that_is_said_to_be_hidden_is_at_least_what_is_missed(period_
 def test_what_holds_hide_adds_up_and_shrinks_with_the_sampling_interval():
     assert hidden_charge(held(60.0, times=5)) == pytest.approx(5 * hidden_charge(held(60.0)))
     assert hidden_charge(held(10.0)) < 0.2 * hidden_charge(held(60.0))
+
+
+def test_a_time_that_is_written_twice_and_a_hold_of_one_sample_hide_nothing_more():
+    record = held(60.0)
+    twice = np.sort(np.append(np.arange(len(record)), 20))
+    steps = (record.steps[0], Step(StepKind.CV_HOLD, record.steps[1].start, len(record) + 1))
+    assert hidden_charge(record.picked(twice, steps)) == pytest.approx(hidden_charge(record))
+    assert hidden_charge(record.picked(slice(0, 1), (Step(StepKind.CV_HOLD, 0, 1),))) == 0.0
 
 
 def test_a_record_without_a_hold_hides_nothing():

@@ -12,7 +12,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import make_lsq_spline
 
 from ....core.errors import BsaError
-from ....core.taper import between_samples, taper_of
+from ....core.taper import at_distinct_times, between_samples, from_its_beginning
 from ....core.task import Protocol
 from ....core.trajectory import SECONDS_PER_HOUR, FloatArray, StepKind, Trajectory
 from ..cells.parameter_sets import pybamm
@@ -210,19 +210,12 @@ def drawn_ah(current: CurrentFunction, times: FloatArray) -> FloatArray:
 def pieces_of(record: Trajectory) -> list[Piece]:
     """The current of a record that is cut into steps, piece by piece.
 
-    A step begins where the one before it logged its last sample: cyclers log a sample when a step ends, and
-    the first one of the next step up to a sampling interval late (a minute late, in some records). Until then a step
-    of constant current had its own; a voltage hold began with that of the charge before it.
+    Each begins where the one before it logged its last sample (`from_its_beginning`): cyclers log one when a step ends.
     """
     result: list[Piece] = []
     begin = float(record.time[0])
     for step in record.steps:
-        if step.kind is StepKind.CV_HOLD:
-            time, current = taper_of(record, step)
-        else:
-            time, current = record.time[step.start : step.stop], record.current[step.start : step.stop]
-            if time[0] > begin:
-                time, current = np.append(begin, time), np.append(current[0], current)
+        time, current = from_its_beginning(record, step)
         if time[-1] > begin:
             result.append(Piece(begin, *_knots(time - begin, current, step.kind), step.kind))
         begin = float(time[-1])
@@ -237,8 +230,7 @@ def _knots(time: FloatArray, current: FloatArray, kind: str) -> tuple[FloatArray
     steady = np.ptp(current) <= max(_WITHIN * abs(mean), 1e-6) or len(time) < 3
     if kind is StepKind.REST or steady or (kind is not StepKind.DRIVE and _only_noise(current)):
         return time[[0, -1]], np.array([mean, mean])
-    keep = np.concatenate([[True], np.diff(time) > 0])
-    time, current = time[keep], current[keep]
+    time, current = at_distinct_times(time, current)
     return _straight_knots(*(between_samples(time, current) if kind is StepKind.CV_HOLD else (time, current)))
 
 
