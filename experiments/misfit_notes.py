@@ -8,6 +8,7 @@ from ..core.inference.identifiability import is_structured
 from ..core.task import Task
 from ..core.trajectory import StepKind, Trajectory
 from ..core.trial import Trial
+from .tasks.measured_cell import RESISTANCE
 
 _LONG_REST_S = 1800.0
 """Rest that tells slow relaxation from that of particles and electrolyte, which takes minutes."""
@@ -34,7 +35,22 @@ def misfit_notes(task: Task, best: Trial, to_discover: str) -> list[str]:
             "simulated one: a part of an electrode may exchange lithium slowly, as silicon does beside graphite. To "
             f"try it: --effect {_SLOW}.negative-electrode --search silicon-cell"
         )
+    if _shows_too_much_at_once(task, best):
+        notes.append(
+            "The contact resistance ended at its lower bound, although the records hold pulses: the simulated "
+            "resistance is too large at once, or grows too little in the seconds after. The pores of the electrodes "
+            "may be more tortuous than in the parameter set. To try it: --search pulsed-cell"
+        )
     return notes
+
+
+def _shows_too_much_at_once(task: Task, best: Trial) -> bool:
+    """Whether pulses leave no resistance for the contacts, and the tortuosity of the pores is not searched."""
+    searched = task.space.names
+    if RESISTANCE not in searched or any("Bruggeman" in name for name in searched):
+        return False
+    pulsed = any(step.kind is StepKind.PULSE for e in task.experiments for step in e.target.steps)
+    return pulsed and best.candidate[RESISTANCE] <= task.space[RESISTANCE].lower
 
 
 def _rises_beyond(task: Task, best: Trial) -> Iterator[float]:

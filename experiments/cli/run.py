@@ -73,7 +73,7 @@ def run(
         shared.model_option(
             metavar="NAME|FILE",
             help="What is searched, for --data: a preset (cell, the default; life, that of --life; silicon-cell, "
-            "geometry, sei, ageing) or a YAML file.",
+            "pulsed-cell, geometry, sei, ageing) or a YAML file.",
             autocompletion=completion.search_presets,
         ),
     ] = None,

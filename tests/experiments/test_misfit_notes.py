@@ -65,3 +65,30 @@ def test_a_misfit_that_follows_the_curve_points_to_a_discovery() -> None:
     assert said.endswith("bsa discover --data cell.csv")
     noise = np.random.default_rng(1).normal(size=200)
     assert told(record(900.0, 0.0), record(900.0, 0.0), noise) == []
+
+
+PULSE = Trajectory(np.linspace(0.0, 10.0, 20), np.ones(20), np.full(20, 3.5), None, (Step(StepKind.PULSE, 0, 20),))
+CONTACT = Parameter("Contact resistance [Ohm]", 0.01, 0.0, 0.1)
+PORES = Parameter("Negative electrode Bruggeman coefficient (electrolyte)", 1.5, 1.0, 4.0)
+
+
+@pytest.mark.parametrize(
+    ("measured", "searched", "ohm", "said"),
+    [
+        (PULSE, (CONTACT,), 0.0, True),
+        (PULSE, (CONTACT,), 0.002, False),
+        (PULSE, (CONTACT, PORES), 0.0, False),
+        (PULSE, (PORES,), 0.0, False),
+        (record(900.0, 0.0), (CONTACT,), 0.0, False),
+    ],
+    ids=["at its bound", "above it", "pores are searched", "contacts are not", "no pulse"],
+)
+def test_pulses_that_leave_nothing_to_the_contacts_name_the_pores(
+    measured: Trajectory, searched: tuple[Parameter, ...], ohm: float, said: bool
+) -> None:
+    space = ParameterSpace(searched)
+    task = Task("cell", CellModel("Chen2020"), space, (Experiment("cell", measured),))
+    candidate = {**space.initial, "Contact resistance [Ohm]": ohm}
+    best = Trial(0, "initial", 0, candidate, None, None, None, Feedback(), (None,), 1.0)
+    notes = misfit_notes(task, best, "bsa discover --data cell.csv")
+    assert [note.endswith("--search pulsed-cell") for note in notes] == [True] * said

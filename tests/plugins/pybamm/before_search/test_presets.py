@@ -166,3 +166,13 @@ def test_every_parameter_that_ages_a_cell_has_a_rule() -> None:
 
     ruled = tuple(str(rule["parameter"]) for rule in CELL.rules)
     assert all(name in ruled for name in presets()["ageing"].parameters)
+
+
+def test_a_pulsed_cell_adds_the_pores_of_both_electrodes_to_a_cell() -> None:
+    usual, pulsed = (preset_space("Chen2020", preset) for preset in ("cell", "pulsed-cell"))
+    pores = [p for p in pulsed if p.name not in usual.names]
+    assert [p.name for p in pores] == [
+        f"{which} electrode Bruggeman coefficient (electrolyte)" for which in ("Negative", "Positive")
+    ]
+    assert all(p.initial == 1.5 and p.prior for p in pores)
+    assert set(usual.names) < set(pulsed.names)
