@@ -96,8 +96,9 @@ class Engine:
         # A base model that started from the parameters of a new cell had the start that its explanations had.
         if explanations and fitter.as_new is None:
             base, explanations = self._with_better_base(base, explanations)
-        if base.adequacy.adequate:
-            of, gap = base.adequacy, self._gap(base, base)
+        gap = self._gap(base, base)
+        if RULES.noise_suffices(gap, explanations):
+            of = base.adequacy
             why = f"noise explains the residual (size p = {of.p_size:.2g}, structure p = {of.p_structure:.2g})"
             return Findings("no-missing-effect", gap, base, [], explanations, known.nominations, why, fitter.mesh_v)
         explanations = self._with_mesh_of_best(explanations)

@@ -79,6 +79,15 @@ class Rules:
         """Whether an explanation leaves noise only."""
         return found.adequacy.noise_only(self.false_alarm)
 
+    def noise_suffices(self, gap: Gap, explanations: Sequence[Explanation]) -> bool:
+        """Whether noise explains what the base model leaves, and none of the explanations is far ahead nonetheless.
+
+        The tests of noise cut errors that stand alone, as noise with long tails has them. An effect may show in such
+        errors too, a double layer in the first sample of each pulse; the likelihood counts them all.
+        """
+        stands = any(self.behind(gap.base, e) > self.far_ahead and not self.objection_to(e, gap) for e in explanations)
+        return self.explains_all(gap.base) and not stands
+
     def behind(self, worse: Explanation, better: Explanation) -> float:
         """By how many clear differences in BIC one explanation is worse than another."""
         return bic_difference(worse, better, self.temperature_k) / self.clear_bic

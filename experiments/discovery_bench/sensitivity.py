@@ -61,7 +61,7 @@ def _variants() -> Iterator[tuple[str, float, Rules]]:
 
 def verdict_by(rules: Rules, found: Findings) -> dict[str, Any]:
     """The verdict that some rules give on what was fitted, its names and its rivals' names."""
-    if rules.explains_all(found.base):
+    if rules.noise_suffices(found.gap, found.explanations):
         return {"verdict": "no-missing-effect", "names": (), "rivals": ()}
     if found.verdict == "no-missing-effect":
         return {"verdict": NOT_SEARCHED, "names": (), "rivals": ()}

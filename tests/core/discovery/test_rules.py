@@ -183,6 +183,22 @@ def test_what_is_no_better_than_the_base_model_is_no_partial_explanation():
     assert findings.explanations == [worse]
 
 
+@pytest.mark.parametrize(
+    ("base_rmse", "held_mv", "noise_p", "suffices"),
+    [(3.0, 1.9, 0.5, False), (1.2, 1.9, 0.5, True), (3.0, 2.3, 0.5, True), (1.2, 1.9, 1e-4, False)],
+    ids=["far ahead", "ahead", "predicts worse", "no noise"],
+)
+def test_noise_suffices_unless_an_explanation_is_far_ahead(base_rmse, held_mv, noise_p, suffices):
+    base, found = explanation("base", None, rmse=base_rmse), explanation("cause", None)
+    base.adequacy = Adequacy(noise_p, noise_p, 1.0)
+    base.held_rmse_v, found.held_rmse_v = 2e-3, 1e-3 * held_mv
+    gap = Gap(base, base, 1e-4, 1e-4)
+    assert RULES.noise_suffices(gap, [found]) is suffices
+    assert RULES.noise_suffices(gap, []) is (noise_p > 0.1)
+    if not suffices and noise_p > 0.1:
+        assert RULES.decide(gap, [found]).verdict == "effect-found"
+
+
 def test_what_was_noise_before_has_no_share_that_is_closed() -> None:
     assert closed(4.0, 1.0, 1.0) == 1.0
     assert closed(5.0, 3.0, 0.0) == pytest.approx(0.64)

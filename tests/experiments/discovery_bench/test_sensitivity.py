@@ -72,7 +72,7 @@ def test_the_journals_of_the_cases_are_read_and_not_written(tmp_path, monkeypatc
 
 
 def test_what_was_not_searched_is_said():
-    findings = found(4.0, p=0.008)
+    findings = found(9.5, p=0.008)
     assert verdict_by(RULES, findings)["verdict"] == "no-missing-effect"
     nothing = Findings("no-missing-effect", findings.gap, findings.base)
     assert verdict_by(replace(RULES, false_alarm=0.02), nothing)["verdict"] == NOT_SEARCHED
