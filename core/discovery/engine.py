@@ -96,24 +96,27 @@ class Engine:
         # A base model that started from the parameters of a new cell had the start that its explanations had.
         if explanations and fitter.as_new is None:
             base, explanations = self._with_better_base(base, explanations)
-        gap = self._gap(base, base)
-        if RULES.noise_suffices(gap, explanations):
-            of = base.adequacy
-            why = f"noise explains the residual (size p = {of.p_size:.2g}, structure p = {of.p_structure:.2g})"
-            return Findings("no-missing-effect", gap, base, [], explanations, known.nominations, why, fitter.mesh_v)
+        gap = self._gap(base, min(calibrated, base, key=lambda fit: fit.rmse_v))
+        if not RULES.noise_suffices(gap, explanations):
+            explanations = self._to_the_end(base, explanations, known.nominations)
+        findings = RULES.decide(gap, explanations)
+        findings.nominations, findings.mesh_v = known.nominations, fitter.mesh_v
+        return findings
+
+    def _to_the_end(
+        self, base: Explanation, explanations: list[Explanation], nominations: Sequence[Nomination]
+    ) -> list[Explanation]:
+        """The explanations as the verdict is on them: with the mesh of the best one, and second effects if need be."""
         explanations = self._with_mesh_of_best(explanations)
         unfinished = bool(explanations) and not explanations[0].adequacy.adequate
         # No second effect over many cycles: a small loss of charge fits what sampling hides of the current.
-        if unfinished and self.settings.max_effects > 1 and fitter.as_new is None:
-            explanations = self._with_mesh_of_best(self.add_second(base, explanations, known.nominations))
+        if unfinished and self.settings.max_effects > 1 and self._fitter.as_new is None:
+            explanations = self._with_mesh_of_best(self.add_second(base, explanations, nominations))
         explanations = self._exact(explanations)
         for explanation in explanations:
             # Some were fitted on after their line was said. The verdict is on the last fits.
-            fitter.tell(base, explanation, unless_told=True)
-        nearest = min(calibrated, base, key=lambda fit: fit.rmse_v)
-        findings = RULES.decide(self._gap(base, nearest), explanations)
-        findings.nominations, findings.mesh_v = known.nominations, fitter.mesh_v
-        return findings
+            self._fitter.tell(base, explanation, unless_told=True)
+        return explanations
 
     def _with_better_base(
         self, base: Explanation, explanations: list[Explanation]

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -168,6 +168,11 @@ class Rules:
     def decide(self, gap: Gap, best_first: Sequence[Explanation]) -> Findings:
         """The verdict on explanations that are sorted, the best first."""
         base, explanations = gap.base, list(best_first)
+        if self.noise_suffices(gap, explanations):
+            of = base.adequacy
+            reason = f"noise explains the residual (size p = {of.p_size:.2g}, structure p = {of.p_structure:.2g})"
+            gap = replace(gap, nearest=base)
+            return Findings("no-missing-effect", gap, base, explanations=explanations, reason=reason)
         if not explanations:
             return Findings("unexplained", gap, base, reason="no effect that was tried points the right way")
         # A pair must beat each of its members clearly, on data not fitted too, or the simpler one stands.

@@ -176,7 +176,7 @@ def test_the_gap_is_measured_from_the_base_fit_that_comes_nearest():
 
 def test_what_is_no_better_than_the_base_model_is_no_partial_explanation():
     base, worse = explanation("base", None), explanation("cold", None, rmse=2.0)
-    worse.adequacy = Adequacy(0.0, 0.0, 1.0)
+    base.adequacy = worse.adequacy = Adequacy(0.0, 0.0, 1.0)
     findings = RULES.decide(Gap(base, base, 1e-4, 1e-4), [worse])
     assert (findings.verdict, findings.best) == ("unexplained", base)
     assert "cold: does not beat the base model" in findings.reason
@@ -195,8 +195,12 @@ def test_noise_suffices_unless_an_explanation_is_far_ahead(base_rmse, held_mv, n
     gap = Gap(base, base, 1e-4, 1e-4)
     assert RULES.noise_suffices(gap, [found]) is suffices
     assert RULES.noise_suffices(gap, []) is (noise_p > 0.1)
-    if not suffices and noise_p > 0.1:
-        assert RULES.decide(gap, [found]).verdict == "effect-found"
+    findings = RULES.decide(gap, [found])
+    assert (findings.verdict == "no-missing-effect") is suffices
+    assert findings.explanations == [found]
+    if suffices:
+        assert (findings.best, findings.gap.nearest) == (base, base)
+        assert findings.reason == "noise explains the residual (size p = 0.5, structure p = 0.5)"
 
 
 def test_what_was_noise_before_has_no_share_that_is_closed() -> None:
