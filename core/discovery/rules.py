@@ -82,8 +82,8 @@ class Rules:
     def noise_suffices(self, gap: Gap, explanations: Sequence[Explanation]) -> bool:
         """Whether noise explains what the base model leaves, and none of the explanations is far ahead nonetheless.
 
-        The tests of noise cut errors that stand alone, as noise with long tails has them. An effect may show in such
-        errors too, a double layer in the first sample of each pulse; the likelihood counts them all.
+        Tests of noise ask whether the residual is too large in all. A comparison with one effect, which says where the
+        residual should be and of what sign, tells smaller discrepancies.
         """
         stands = any(self.behind(gap.base, e) > self.far_ahead and not self.objection_to(e, gap) for e in explanations)
         return self.explains_all(gap.base) and not stands
