@@ -20,6 +20,9 @@ Candidate = Mapping[str, float]
 
 _UNIT = re.compile(r"\[([^\[\]]*)\]")
 
+_AT_BOUND = 1e-3
+"""Share of the range between the bounds within which a value is at a bound: fits end that near to one, not on it."""
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -112,6 +115,11 @@ class Parameter:
         if self.scale == "log":
             return math.log(value / self.lower) / math.log(self.upper / self.lower)
         return (value - self.lower) / (self.upper - self.lower)
+
+    def bound_at(self, value: float) -> str:
+        """``"lower"`` or ``"upper"`` where ``value`` is within a thousandth of the range of it, else empty."""
+        place = self.to_unit(value)
+        return "lower" if place <= _AT_BOUND else "upper" if place >= 1.0 - _AT_BOUND else ""
 
     @property
     def length(self) -> float:

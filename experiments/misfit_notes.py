@@ -50,7 +50,7 @@ def _shows_too_much_at_once(task: Task, best: Trial) -> bool:
     if RESISTANCE not in searched or any("Bruggeman" in name for name in searched):
         return False
     pulsed = any(step.kind is StepKind.PULSE for e in task.experiments for step in e.target.steps)
-    return pulsed and best.candidate[RESISTANCE] <= task.space[RESISTANCE].lower
+    return pulsed and task.space[RESISTANCE].bound_at(best.candidate[RESISTANCE]) == "lower"
 
 
 def _rises_beyond(task: Task, best: Trial) -> Iterator[float]:

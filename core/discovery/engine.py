@@ -106,7 +106,7 @@ class Engine:
     def _to_the_end(
         self, base: Explanation, explanations: list[Explanation], nominations: Sequence[Nomination]
     ) -> list[Explanation]:
-        """The explanations as the verdict is on them: with the mesh of the best one, and second effects if need be."""
+        """The explanations as the verdict is on them: with the mesh corrected at the best one, and second effects."""
         explanations = self._with_mesh_of_best(explanations)
         unfinished = bool(explanations) and not explanations[0].adequacy.adequate
         # No second effect over many cycles: a small loss of charge fits what sampling hides of the current.

@@ -182,17 +182,16 @@ def estimates_of(
                 ends = [parameter.origin * np.exp(end * parameter.length) for end in (u - half, u + half)]
             else:
                 ends = [parameter.origin + end * parameter.length for end in (u - half, u + half)]
-            lower, upper = float(fit.space.lowest[number]), float(fit.space.highest[number])
-            near = 1e-3 * (upper - lower)
-            at_bound = (u < lower + near and p.lower != p.null) or (u > upper - near and p.upper != p.null)
+            value = parameter.at_coordinate(u)
+            bound = {"lower": p.lower, "upper": p.upper}.get(parameter.bound_at(value), p.null)
             rows.append(
                 Estimate(
                     p.name,
                     p.unit,
-                    parameter.at_coordinate(u),
+                    value,
                     (float(ends[0]), float(ends[1])),
                     p.null,
-                    bool(at_bound),
+                    bound != p.null,
                     p.of,
                 )
             )

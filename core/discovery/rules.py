@@ -85,8 +85,9 @@ class Rules:
         Tests of noise ask whether the residual is too large in all. A comparison with one effect, which says where the
         residual should be and of what sign, tells smaller discrepancies.
         """
-        stands = any(self.behind(gap.base, e) > self.far_ahead and not self.objection_to(e, gap) for e in explanations)
-        return self.explains_all(gap.base) and not stands
+        return self.explains_all(gap.base) and not any(
+            self.behind(gap.base, e) > self.far_ahead and not self.objection_to(e, gap) for e in explanations
+        )
 
     def behind(self, worse: Explanation, better: Explanation) -> float:
         """By how many clear differences in BIC one explanation is worse than another."""

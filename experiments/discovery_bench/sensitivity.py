@@ -62,7 +62,7 @@ def _variants() -> Iterator[tuple[str, float, Rules]]:
 def verdict_by(rules: Rules, found: Findings) -> dict[str, Any]:
     """The verdict that some rules give on what was fitted, its names and its rivals' names."""
     decided = rules.decide(found.gap, found.explanations)
-    if found.verdict == "no-missing-effect" != decided.verdict:
+    if found.verdict == "no-missing-effect" and decided.verdict != found.verdict:
         return {"verdict": NOT_SEARCHED, "names": (), "rivals": ()}
     named = decided.best.names if decided.verdict in ("effect-found", "ambiguous") else ()
     return {"verdict": decided.verdict, "names": named, "rivals": [rival.names for rival in decided.rivals]}

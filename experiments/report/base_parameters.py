@@ -14,10 +14,6 @@ from ...core.parameters import Parameter
 from ...core.trajectory import FloatArray
 from .wording import NOTHING, number, printed_unit, quantity, short_name
 
-_NEAR = 1e-3
-"""A value within this share of the range between the bounds is at a bound."""
-
-
 BEYOND = "outside 0 to 1"
 """Flag of a state of charge that the parameter set's cell, between its cut-offs at rest, does not have."""
 
@@ -75,13 +71,12 @@ def _searched(parameter: Parameter, u: float, half: float, flags: Sequence[str])
         before = f"{shown(parameter.origin)}, × or ÷ {number(exp(parameter.length), 3)}"
     else:
         before = f"{shown(parameter.origin)} ± {shown(parameter.length, 3)}"
-    at_bound = not _NEAR < parameter.to_unit(value) < 1.0 - _NEAR
     return BaseParameter(
         short_name(parameter.name),
         f"{shown(value)} {unit}".rstrip(),
         " to ".join(ends) or NOTHING,
         before,
-        (*["at a bound"] * at_bound, *flags),
+        (*["at a bound"] * bool(parameter.bound_at(value)), *flags),
     )
 
 

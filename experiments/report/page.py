@@ -40,9 +40,6 @@ _STATUS = {
 _STAGES_LEFT_OUT = "ended with stages left out for lack of simulations"
 """Of a run that is finished, in place of its status."""
 
-_AT_BOUND = 1e-3
-"""A value this close to a bound, as a share of its range, is taken to sit on it."""
-
 _MOST_NOTES = 100
 
 _LONGEST_NOTE = 5000
@@ -132,7 +129,7 @@ def _parameter_row(parameter: Parameter, run: RunRecord) -> dict[str, Any]:
         "upper": number(scale * parameter.upper),
         "start": min(max(parameter.to_unit(initial), 0.0), 1.0),
         "place": min(max(place, 0.0), 1.0),
-        "bound": "lower" if place <= _AT_BOUND else "upper" if place >= 1.0 - _AT_BOUND else "",
+        "bound": parameter.bound_at(best),
     }
 
 

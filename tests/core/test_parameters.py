@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from bsa.core.encoding import decode_parameter, encode_parameter
 from bsa.core.errors import BsaError
-from bsa.core.parameters import Parameter, ParameterSpace
+from bsa.core.parameters import Parameter, ParameterSpace, Scale
 from bsa.core.prior import Prior
 from hypothesis import given
 from hypothesis import strategies as st
@@ -36,6 +36,16 @@ def test_projection_stays_inside_and_is_idempotent(parameter: Parameter, value: 
 @given(parameters(), st.floats(-3, 4))
 def test_points_outside_the_unit_box_are_projected(parameter: Parameter, position: float) -> None:
     assert parameter.lower <= parameter.from_unit(position) <= parameter.upper
+
+
+@pytest.mark.parametrize("scale", ["linear", "log"])
+@pytest.mark.parametrize(
+    ("place", "bound"),
+    [(0.0, "lower"), (0.0009, "lower"), (0.0011, ""), (0.5, ""), (0.9989, ""), (0.9991, "upper"), (1.0, "upper")],
+)
+def test_a_value_within_a_thousandth_of_the_range_is_at_a_bound(scale: Scale, place: float, bound: str) -> None:
+    parameter = Parameter("p", 1.0, 0.5, 2.0, scale)
+    assert parameter.bound_at(parameter.from_unit(place)) == bound
 
 
 def test_log_scale_makes_equal_factors_equal_steps() -> None:
