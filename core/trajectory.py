@@ -97,7 +97,8 @@ class Trajectory:
         Of a long record, whose samples are those of a few cycles: what is known of all of them.
     inserted : ndarray of bool, shape (n,), optional
         Samples that no instrument took, put where the current was switched between two that one took. Their current is
-        that of the step; their other signals are copied from the nearest sample and say nothing of that moment.
+        that of the step; their other signals are copied from the nearest sample and say nothing of that moment. A task
+        marks those too that an instrument took, but with current and voltage of two moments.
 
     Attributes
     ----------

@@ -13,7 +13,7 @@ from ..segmentation.recognised_protocol import late_s, with_switches
 from ..trajectory import FloatArray, Step, StepKind, Trajectory
 from .charge import NOTED_SHARE
 from .counters import LATE_S
-from .switches import STEP_SHARE, switches
+from .switches import STEP_SHARE, mixed_samples_note, switches
 
 SLOW_HOURS = 8.0
 """A charge or discharge at constant current that takes longer shows the open-circuit voltage nearly bare, in h: C/10 of
@@ -196,13 +196,8 @@ def _problems(record: Record, steps: Sequence[StepRow]) -> Iterator[str]:
             f"the record starts under load ({-trajectory.current[0]:+.3g} A, positive on charge): its first voltage is "
             "no open-circuit voltage."
         )
-    early = [switch for switch in switches(trajectory) if switch.early]
-    if early:
-        first_s = rounded(float(trajectory.time[early[0].before + 1]), 6)
-        yield (
-            f"the voltage steps one sample before the current does (switches: {len(early)}, the first at "
-            f"{first_s} s): what the cell showed before is read one sample earlier."
-        )
+    if mixed := mixed_samples_note(trajectory):
+        yield mixed
     yield from _open_charge(trajectory, steps)
     if trajectory.temperature is None:
         yield "there is no temperature of the cell."

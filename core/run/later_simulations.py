@@ -1,5 +1,6 @@
 """The simulator after a search: outcomes are journalled and not simulated again, and progress is reported."""
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -112,7 +113,8 @@ class WatchedSimulations(_SimulatingAround):
     """A simulator after the search; see `Simulating`.
 
     ``watch`` is told at the beginning and after each simulation; ``variants`` is what simulations of other experiments
-    than the task's are for, ``exact`` what those with reference accuracy are for.
+    than the task's are for, ``exact`` what those with reference accuracy are for. What serves one purpose is counted on
+    from round to round: how many rounds of draws there are is not known before.
     """
 
     def __init__(self, inner: Simulating, watch: Watch, variants: str = NEXT, exact: str = FINAL_SCORES) -> None:
@@ -120,6 +122,7 @@ class WatchedSimulations(_SimulatingAround):
         self._watch = watch
         self._variants = variants
         self._exact = exact
+        self._done: Counter[str] = Counter()
 
     def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
         """See `RunHooks.simulate`."""
@@ -136,7 +139,9 @@ class WatchedSimulations(_SimulatingAround):
     def _counted(
         self, purpose: str, outcomes: Iterable[tuple[int, Outcome]], total: int
     ) -> Iterator[tuple[int, Outcome]]:
-        self._watch(purpose, 0, total)
-        for done, pair in enumerate(outcomes, start=1):
-            self._watch(purpose, done, total)
+        before = self._done[purpose]
+        self._watch(purpose, before, before + total)
+        for pair in outcomes:
+            self._done[purpose] += 1
+            self._watch(purpose, self._done[purpose], before + total)
             yield pair

@@ -23,10 +23,7 @@ def open_circuit_start(record: Trajectory) -> tuple[float, str]:
     """
     voltage = resting_voltage(record)
     if starts_at_rest(record):
-        first = next(switches(record), None)
-        early = first is not None and first.early and record.steps[0].kind is StepKind.REST
-        why = " (its last sample at rest has the voltage under load already)" * early
-        return voltage, f"starts at {voltage:.3f} V{why}"
+        return voltage, f"starts at {voltage:.3f} V"
     current, jumps = float(record.current[0]), jump_resistances(record)
     ohm = float(np.median(jumps)) if jumps else 0.0
     flow, truth = ("discharge", "higher") if current > 0 else ("charge", "lower")

@@ -10,7 +10,7 @@ from ...core.cell import CELL, SPECTRUM, TEMPERATURE
 from ...core.errors import BsaError
 from ...core.inference.prediction import begins_under_load
 from ...core.parameters import ParameterSpace
-from ...core.reading.switches import resting_voltage
+from ...core.reading.switches import resting_voltage, without_mixed_samples
 from ...core.record import Record
 from ...core.segmentation.recognised_protocol import with_switches
 from ...core.spectrum import ImpedanceSpectrum
@@ -284,6 +284,8 @@ def _as_asked(request: RecordRequest) -> Record:
     assert isinstance(record, Record)
     if record.trajectory.cycle_table is not None:
         return record
+    if request.reading.options.voltage_lag_s != 0.0:  # with 0 the record stays as it is
+        record = without_mixed_samples(record)
     if request.protocol == RECOGNISED:
         record = replace(record, trajectory=with_switches(record.trajectory))
     if request.detailed_cycles is None:

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 from bsa.core.errors import BsaError
-from bsa.core.record import Record
+from bsa.core.record import ReadOptions, Record
 from bsa.core.target import CellChange
 from bsa.core.task import ParameterFile, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.experiments.file_reading import FileReading
 from bsa.experiments.tasks.cell_for_records import WIDTH, volume_and_surface, with_chosen_potentials
 from bsa.experiments.tasks.measured_cell import CONTACT, RESISTANCE, CellRequest
 from bsa.experiments.tasks.record_request import RecordRequest
@@ -378,3 +379,21 @@ def test_where_every_record_is_fast_what_was_asked_for_is_to_be_left_out(paramet
     with pytest.raises(BsaError, match="at 1C or less") as found:
         with_chosen_potentials(parameter_set, ocp, [slow_discharge(hours=0.5)])
     assert found.value.hint.endswith(hint)
+
+
+def test_a_sample_of_two_moments_is_not_compared_unless_the_record_is_to_stay_as_it_is() -> None:
+    whole = record()
+    time = np.append(whole.trajectory.time, whole.trajectory.time[-1] + np.arange(1.0, 6.0))
+    current = np.append(whole.trajectory.current, np.zeros(5))
+    voltage = np.append(whole.trajectory.voltage, [2.6, 2.75, 2.76, 2.77, 2.78])  # the first one is under load still
+    steps = (*whole.trajectory.steps, Step(StepKind.REST, 122, 127, position=2))
+    rested = Record("rested", Trajectory(time, current, voltage, steps=steps))
+    task = build_task("t", CellRequest("Chen2020", "SPM"), [RecordRequest(whole)], [RecordRequest(rested)])
+    kept = FileReading(ReadOptions(voltage_lag_s=0.0))
+    for fitted, mixed in ((task_of(rested), [122]), (task_of(whole), [])):
+        assert np.flatnonzero(fitted.experiments[0].target.inserted).tolist() == mixed
+        assert any("are not of one moment" in note for note in fitted.notes) == bool(mixed)
+    assert np.flatnonzero(task.held_out[0].target.inserted).tolist() == [122]
+    assert any(note.startswith("rested (held out): current and voltage of a sample") for note in task.notes)
+    as_written = build_task("t", CellRequest("Chen2020", "SPM"), [RecordRequest(rested, kept)])
+    assert not as_written.experiments[0].target.inserted.any()
