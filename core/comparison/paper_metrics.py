@@ -16,7 +16,7 @@ from .alignment import pair_steps
 from .overlap import JUMP_S, overlap_rms, scored_part
 from .signal_metrics import Metrics, Quantity
 
-_ZERO, _ZERO_SHARE = 1e-8, 5e-3
+_ZERO, COUNTS_AS_ZERO = 1e-8, 5e-3
 """Reference samples smaller than this, or than this share of the largest, count as zero, since a relative error would
 mean nothing: cyclers write up to three thousandths of their current while a cell rests."""
 
@@ -193,7 +193,7 @@ def _resampled(record: Trajectory, signal: str) -> FloatArray:
 
 
 def _mape(simulated: FloatArray, reference: FloatArray) -> float:
-    counted = np.abs(reference) > max(_ZERO, _ZERO_SHARE * np.max(np.abs(reference), initial=0.0))
+    counted = np.abs(reference) > max(_ZERO, COUNTS_AS_ZERO * np.max(np.abs(reference), initial=0.0))
     if not np.any(counted):
         return 0.0
     return float(100.0 * np.mean(np.abs((simulated[counted] - reference[counted]) / reference[counted])))

@@ -6,9 +6,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.cell import FREQUENCY, REACTANCE, RESISTANCE, VOLTAGE
-from ...core.comparison.residuals import DURATION_TOLERANCE, ResidualRows, rows_of
-from ...core.task import Task
+from ...core.cell import CURRENT, FREQUENCY, REACTANCE, RESISTANCE, VOLTAGE
+from ...core.comparison.paper_metrics import COUNTS_AS_ZERO
+from ...core.comparison.residuals import DURATION_TOLERANCE, ResidualRows, rows_of, tolerance_at
+from ...core.task import Experiment, Task
 from ...core.trajectory import FloatArray, Trajectory
 
 Data = Literal["open-circuit", "current-steps", "rates", "temperature", "first-cycle", "life", "everything"]
@@ -87,7 +88,8 @@ def _as_scored(task: Task, rows: ResidualRows) -> FloatArray:
 
     The score adds percentages: of the charge, and of voltage and current as means over the time. A model that is not
     quite right cannot have all of them, and counted point by point the curves would decide: a discharge that ends two
-    percent late then costs less than ten millivolts along its curve.
+    percent late then costs less than ten millivolts along its curve, and a percent of the current of a voltage hold no
+    more than a millivolt.
     """
     weights = np.ones(len(rows.record))
     for number, experiment in enumerate(task.experiments):
@@ -98,10 +100,25 @@ def _as_scored(task: Task, rows: ResidualRows) -> FloatArray:
         durations = np.array([piece.duration for _, piece in record.pieces()])
         curves = own & (rows.signal != "")
         weights[curves] = np.sqrt(durations[rows.step[curves]] / np.mean(durations))
-        # What a tolerance of the voltage is in percent, and what one of a duration is.
+        # What a tolerance of the voltage is in percent, and what those of a duration and of the current are.
         share = VOLTAGE.tolerance / float(np.mean(np.abs(record.voltage)))
         weights[own & ~curves] = DURATION_TOLERANCE / share * np.sqrt(np.count_nonzero(curves))
+        currents = own & (rows.signal == CURRENT.name)
+        weights[currents] *= _relative_tolerance(experiment, rows.step[currents], rows.since_s[currents]) / share
     return weights
+
+
+def _relative_tolerance(experiment: Experiment, steps: NDArray[np.intp], since_s: FloatArray) -> FloatArray:
+    """A tolerance of the current as a share of the current, at times since such steps began.
+
+    It is 0 where the score counts the current as zero.
+    """
+    record = experiment.target
+    begins = np.array([record.time[step.start] for step in record.steps])
+    amperes = np.abs(np.interp(begins[steps] + since_s, record.time, record.current))
+    least = COUNTS_AS_ZERO * float(np.max(np.abs(record.current)))
+    counted = amperes > least
+    return np.where(counted, tolerance_at(CURRENT, amperes, experiment) / np.where(counted, amperes, 1.0), 0.0)
 
 
 def _none(lacking: str) -> View:

@@ -4,8 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bsa.core.comparison.residuals import DURATION_TOLERANCE, rows_of
+from bsa.core.cell import CELL, CURRENT, VOLTAGE
+from bsa.core.comparison.residuals import DURATION_TOLERANCE, rows_of, tolerance_at
 from bsa.core.scaffold import load_scaffold
+from bsa.core.task import Experiment
+from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.proposers.stage_data import view_of
 from bsa.plugins.proposers.staged import StagedOptions
 from bsa.plugins.pybamm.before_search.presets import presets
@@ -59,3 +62,25 @@ def test_under_a_protocol_a_percent_of_a_step_counts_as_much_as_a_percent_of_the
     # Under a measured current the durations are given, and the residuals count as they are.
     driven = replace(task, experiments=(replace(experiment, protocol=None),))
     assert np.all(view_of(driven, "everything").weights == 1.0)
+
+
+def test_under_a_protocol_a_percent_of_the_current_of_a_hold_counts_as_much_as_a_percent_of_the_voltage() -> None:
+    hour = np.linspace(0.0, 3600.0, 73)
+    current = np.concatenate([np.full(73, -1.0), -np.exp(-hour / 1500.0)])
+    steps = (Step(StepKind.CC_CHARGE, 0, 73), Step(StepKind.CV_HOLD, 73, 146, position=1))
+    record = Trajectory(np.concatenate([hour, 3600.0 + hour]), current, np.full(146, 4.0), steps=steps)
+    protocol = (("Charge at 1 A until 4 V", "Hold at 4 V until 0.09 A"),)
+    task = replace(toy_task(), signals=CELL.signals, experiments=(Experiment("charge", record, protocol, None),))
+    rows, view = rows_of(task), view_of(task, "everything")
+    voltage, amperes = rows.signal == "voltage", rows.signal == "current"
+    assert set(rows.step[voltage]) == {0}
+    assert set(rows.step[amperes]) == {1}
+    percent = np.where(voltage, 0.01 * 4.0 / VOLTAGE.tolerance, 0.0)
+    there = np.exp(-rows.since_s[amperes] / 1500.0)
+    percent[amperes] = 0.01 * there / tolerance_at(CURRENT, there, task.experiments[0])
+    seen = view(percent)
+    assert seen[amperes] @ seen[amperes] == pytest.approx(seen[voltage] @ seen[voltage], rel=1e-3)
+    ended = replace(task.experiments[0], target=record.changed(current=np.where(current > -0.2, 0.0, current)))
+    weights = view_of(replace(task, experiments=(ended,)), "everything").weights
+    assert np.all(np.isfinite(weights))
+    assert np.array_equal(weights[amperes] == 0.0, there < 0.2)
