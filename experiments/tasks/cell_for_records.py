@@ -46,7 +46,7 @@ _COOLED = ("Cell volume [m3]", "Cell cooling surface area [m2]", "Total heat tra
 _REST_SHARE = 0.01
 """Share of a record's largest current below which the cell rests."""
 
-_TELLS_K = 10.0
+TELLS_K = 10.0
 """Distance of the temperatures around fitted records from which on they tell activation energies, K: over less a usual
 one (20 kJ/mol) changes a rate by less than a third, and priors know rates to a factor of two."""
 
@@ -199,7 +199,7 @@ def with_searched_energies(
     from ...plugins.pybamm.before_search.presets import searches
 
     spread_k = float(np.ptp([kelvin for kelvin in fitted_k if kelvin is not None] or [0.0]))
-    if spread_k < _TELLS_K or not searches(search, additional_energy_name(RATES[0])):
+    if spread_k < TELLS_K or not searches(search, additional_energy_name(RATES[0])):
         return parameter_set, []
     return with_additional_energies(parameter_set, [name for name in RATES if name not in fixed]), [
         f"The temperatures around the fitted records are {spread_k:.0f} K apart: how transport and reactions depend "

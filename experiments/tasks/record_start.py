@@ -1,5 +1,7 @@
 """What a record shows of the state from which it starts, and of the resistance of its cell."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ...core.inference.prediction import begins_under_load
@@ -16,15 +18,18 @@ def starts_at_rest(record: Trajectory) -> bool:
     return record.steps[0].kind is StepKind.REST or not begins_under_load(record)
 
 
-def open_circuit_start(record: Trajectory) -> tuple[float, str]:
+def open_circuit_start(record: Trajectory, others: Sequence[Trajectory] = ()) -> tuple[float, str]:
     """The open-circuit voltage that a record starts from, V, and how it is known.
 
-    A voltage under load is none: what the current's steps show as resistance is put back.
+    A voltage under load is none: what the current's steps show as resistance is put back, or, where it has none, the
+    steps of ``others`` of the same cell.
     """
     voltage = resting_voltage(record)
     if starts_at_rest(record):
         return voltage, f"starts at {voltage:.3f} V"
-    current, jumps = float(record.current[0]), jump_resistances(record)
+    current, jumps, whose = float(record.current[0]), jump_resistances(record), "its"
+    if not jumps and others:
+        jumps, whose = [ohm for other in others for ohm in jump_resistances(other)], "the other records'"
     ohm = float(np.median(jumps)) if jumps else 0.0
     flow, truth = ("discharge", "higher") if current > 0 else ("charge", "lower")
     begins = f"begins under load ({voltage:.3f} V at {abs(current):.3g} A of {flow})"
@@ -34,8 +39,8 @@ def open_circuit_start(record: Trajectory) -> tuple[float, str]:
             f"voltage, which is {truth} (give --initial-soc where it is known)"
         )
     return voltage + ohm * current, (
-        f"{begins}: with {1e3 * ohm:.3g} mohm, which its current steps show, the open-circuit voltage is assumed to be "
-        f"{voltage + ohm * current:.3f} V (give --initial-soc where it is known)"
+        f"{begins}: with {1e3 * ohm:.3g} mohm, which {whose} current steps show, the open-circuit voltage is assumed "
+        f"to be {voltage + ohm * current:.3f} V (give --initial-soc where it is known)"
     )
 
 

@@ -17,7 +17,7 @@ from ...core.spectrum import ImpedanceSpectrum
 from ...core.target import INITIAL_SOC, InitialSoc, soc_name
 from ...core.task import CellModel, Experiment, Task
 from ...core.trajectory import Trajectory
-from .cell_for_records import ISOTHERMAL, THERMAL, warms_by
+from .cell_for_records import ISOTHERMAL, TELLS_K, THERMAL, warms_by
 from .cell_size import other_size_note
 from .measured_cell import CellRequest, MeasuredCell, measured_cell, searched_space
 from .record_request import RECOGNISED, RecordRequest
@@ -110,7 +110,7 @@ def _fitted(
     for request, record in zip(requests, records, strict=True):
         soc = request.initial_soc
         if soc is None and request.as_measured:
-            voltage, words = open_circuit_start(record.trajectory)
+            voltage, words = open_circuit_start(record.trajectory, _as_warm(request, record, requests, records))
             if request.initial_voltage is not None:
                 voltage, words = request.initial_voltage, f"starts at {request.initial_voltage:.3f} V"
             started = soc_at_voltage(cell.model, voltage, _starting_k(request, record))
@@ -121,6 +121,20 @@ def _fitted(
         experiments.append(_experiment(request, record, soc))
         notes += start_note(record.name, record.trajectory, experiments[-1])
     return experiments, socs, notes
+
+
+def _as_warm(
+    request: RecordRequest, record: Record, requests: Sequence[RecordRequest], records: Sequence[Record]
+) -> list[Trajectory]:
+    """The other records at nearly the same temperature, at which the cell has nearly the same resistance."""
+    own_k = _ambient_k(request, record)
+    found: list[Trajectory] = []
+    for asked, other in zip(requests, records, strict=True):
+        other_k = _ambient_k(asked, other)
+        apart_k = 0.0 if own_k is None or other_k is None else abs(other_k - own_k)
+        if other is not record and apart_k < TELLS_K:
+            found.append(other.trajectory)
+    return found
 
 
 def _check_effects(cell: CellModel, requests: Sequence[RecordRequest]) -> None:

@@ -53,5 +53,10 @@ def test_what_is_assumed_of_a_voltage_under_load_is_told_as_an_assumption() -> N
     assert words.startswith(
         "begins under load (3.600 V at 2 A of charge): with 50 mohm, which its current steps show, "
     )
-    _, words = open_circuit_start(whole.slice(0, 3))
+    alone = whole.slice(0, 3)
+    _, words = open_circuit_start(alone)
     assert "this voltage is assumed to be the open-circuit voltage, which is lower (give --initial-soc" in words
+    elsewhere, words = open_circuit_start(alone, [alone, whole])
+    assert elsewhere == pytest.approx(3.5)
+    assert "with 50 mohm, which the other records' current steps show, " in words
+    assert open_circuit_start(alone, [alone]) == open_circuit_start(alone)

@@ -256,6 +256,18 @@ def test_a_voltage_under_load_is_no_open_circuit_voltage() -> None:
     assert asked.experiments[0].initial_soc == asked.space[SOC].initial == 0.9
 
 
+@pytest.mark.parametrize(("kelvin", "shown"), [(290.0, True), (313.15, False)])
+def test_a_voltage_under_load_is_corrected_by_what_a_record_at_its_temperature_shows(
+    kelvin: float, shown: bool
+) -> None:
+    loaded, jumps = replace(record("loaded", rest=False), ambient_k=298.15), record("jumps", cycles=2, amperes=2.5)
+    both = [RecordRequest(loaded), RecordRequest(jumps, temperature_k=kelvin)]
+    task = build_task("t", CellRequest("Chen2020", "SPM"), both)
+    (note,) = [note for note in task.notes if note.startswith("loaded: begins under load")]
+    assert ("which the other records' current steps show" in note) == shown
+    assert ("no current step shows its resistance" in note) != shown
+
+
 def test_charge_that_drifts_over_cycles_does_not_make_a_larger_cell() -> None:
     drifting = record(cycles=20, drift=1.0)
     assert np.ptp(drifting.trajectory.discharge_capacity) > 15.0
