@@ -23,6 +23,11 @@ SLOW = [pytest.param(name, marks=[needs_ax, pytest.mark.slow]) for name in ("bo"
 BUDGET = {"warm_up": 0, "patience": 100}
 
 
+def simulations(name: str, of_fast_ones: int) -> int:
+    """Of a slow sampler, whose steps take seconds, three after its eight Sobol points."""
+    return of_fast_ones if name in FAST else 11
+
+
 def tried(result: RunResult) -> list[dict[str, float]]:
     return [dict(trial.candidate) for trial in result.trials]
 
@@ -33,8 +38,9 @@ def fragile(name: str) -> object:
 
 @pytest.mark.parametrize("name", FAST + SLOW)
 def test_budget_bounds_and_progress(name: str, run_toy: RunToy) -> None:
-    result = run_toy(scaffold=toy_scaffold(name), rounds=40, simulations=24, **BUDGET)
-    assert len(result.trials) == 24
+    count = simulations(name, 24)
+    result = run_toy(scaffold=toy_scaffold(name), rounds=40, simulations=count, **BUDGET)
+    assert len(result.trials) == count
     for candidate in tried(result):
         assert toy_task().space.project(candidate) == candidate
     assert result.lowest.objective < result.trials[0].objective
@@ -43,7 +49,8 @@ def test_budget_bounds_and_progress(name: str, run_toy: RunToy) -> None:
 @pytest.mark.parametrize("name", FAST + SLOW)
 def test_same_seed_same_candidates_other_seed_others(name: str, run_toy: RunToy, tmp_path: Path) -> None:
     def run(folder: str, seed: int) -> list[dict[str, float]]:
-        return tried(run_toy(tmp_path / folder, toy_scaffold(name), rounds=40, simulations=14, seed=seed, **BUDGET))
+        count = simulations(name, 14)
+        return tried(run_toy(tmp_path / folder, toy_scaffold(name), rounds=40, simulations=count, seed=seed, **BUDGET))
 
     first = run("a", 1)
     np.random.seed(99)  # a proposer that used numpy's global numbers would now differ
@@ -53,7 +60,7 @@ def test_same_seed_same_candidates_other_seed_others(name: str, run_toy: RunToy,
 
 @pytest.mark.parametrize("name", FAST + SLOW)
 def test_resumes_exactly_after_any_trial(name: str, run_toy: RunToy, tmp_path: Path) -> None:
-    settings = {"rounds": 40, "simulations": 13, **BUDGET}
+    settings = {"rounds": 40, "simulations": simulations(name, 13), **BUDGET}
     whole = tried(run_toy(tmp_path / "whole", toy_scaffold(name), **settings))
     lines = (tmp_path / "whole" / FILE_NAME).read_bytes().splitlines(keepends=True)
     kept_counts = range(1, len(lines), 4) if name in FAST else [len(lines) // 2]
@@ -66,8 +73,9 @@ def test_resumes_exactly_after_any_trial(name: str, run_toy: RunToy, tmp_path: P
 
 @pytest.mark.parametrize("name", FAST + SLOW)
 def test_failed_simulations_steer_and_never_stop(name: str, run_toy: RunToy) -> None:
-    result = run_toy(scaffold=fragile(name), rounds=40, simulations=24, **BUDGET)
-    assert len(result.trials) == 24
+    count = simulations(name, 24)
+    result = run_toy(scaffold=fragile(name), rounds=40, simulations=count, **BUDGET)
+    assert len(result.trials) == count
     assert any(not trial.ok for trial in result.trials)
     assert result.best.ok
     assert result.best.candidate[SERIES] <= 0.1
@@ -79,8 +87,9 @@ def test_simulations_alone_end_a_sampler(name: str, broken: bool, run_toy: RunTo
     """Neither few rounds, nor little patience, nor a population that has failed as one stops it early."""
     options = {"breaks_above_ohm": 1e-3 if broken else 1.0}
     scaffold = toy_scaffold(name, simulator={"use": "toy-cell", "options": options})
-    result = run_toy(scaffold=scaffold, rounds=1, patience=1, warm_up=0, simulations=60 if name in FAST else 14)
-    assert len(result.trials) == (60 if name in FAST else 14)
+    count = simulations(name, 60)
+    result = run_toy(scaffold=scaffold, rounds=1, patience=1, warm_up=0, simulations=count)
+    assert len(result.trials) == count
     assert result.status == "simulations-spent"
     assert any(trial.ok for trial in result.trials) != broken
 
