@@ -52,6 +52,7 @@ def _headers(server):
     return [seen.headers for seen in server.seen]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("spec", "path"), [("openai:m", "/v1"), ("ollama:m", "")])
 def test_a_server_of_ones_own_gets_nothing_from_the_environment(server, secrets, messages, schema, spec, path):
     options = BackendOptions(base_url=f"{server.url}{path}")
@@ -62,6 +63,7 @@ def test_a_server_of_ones_own_gets_nothing_from_the_environment(server, secrets,
         assert "secret" not in repr(headers)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("spec", "path"), [("openai:m", "/v1"), ("ollama:m", "")])
 def test_its_own_key_goes_to_the_server_that_is_named(server, secrets, messages, schema, spec, path, monkeypatch):
     monkeypatch.setenv("BSA_API_KEY", "own-key")

@@ -30,6 +30,7 @@ def test_a_run_in_this_process_and_its_replay(tiny_model, run_toy, tmp_path):
     assert again.usage == first.usage
 
 
+@pytest.mark.slow
 def test_a_run_with_votes_and_its_replay(run_toy, tmp_path):
     result = run_toy(tmp_path / "run", backend=VotingBackend(RulesBackend(), 3), rounds=3)
     assert result.lowest.objective < result.trials[0].objective

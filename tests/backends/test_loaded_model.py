@@ -21,6 +21,7 @@ def copy_of_it(tiny_model, tmp_path):
     return shutil.copytree(tiny_model, tmp_path / "copy")
 
 
+@pytest.mark.slow
 def test_a_model_that_nobody_uses_makes_room_for_another(tiny_model, copy_of_it):
     first = load(str(tiny_model), "auto")
     assert load(str(tiny_model), "auto") is first

@@ -29,6 +29,7 @@ def test_the_models_of_the_paper_are_there():
     assert set(STUDY) | {"rules", "manual", "replay"} <= {entry.name for entry in bsa_backends()}
 
 
+@pytest.mark.slow
 def test_listing_imports_no_client():
     code = (
         "import sys, bsa.backends.catalogue as c; list(c.bsa_backends());"
@@ -133,6 +134,7 @@ def test_a_server_of_ones_own_is_asked_what_it_serves(serve, monkeypatch):
         open_backend("qwen2.5-7b", options, _registry())
 
 
+@pytest.mark.slow
 def test_the_survey_is_quick_where_servers_are_silent(serve, monkeypatch):
     server = serve(lambda seen, handler: time.sleep(60))
     monkeypatch.setenv("OLLAMA_HOST", server.url)

@@ -111,6 +111,7 @@ def test_plain_http_asked_of_a_tls_server(listen, messages, schema, answer):
     assert len(connections) == 1
 
 
+@pytest.mark.slow
 def test_a_certificate_that_is_not_trusted(listen, messages, schema, tmp_path):
     if shutil.which("openssl") is None:
         pytest.skip("no openssl to make a certificate with")

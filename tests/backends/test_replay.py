@@ -25,6 +25,7 @@ def candidates(result: RunResult) -> list[dict[str, float]]:
     return [dict(trial.candidate) for trial in result.trials]
 
 
+@pytest.mark.slow
 def test_a_replay_goes_on_once_the_repeated_run_has_as_its_advice_says(run_toy: RunToy, tmp_path: Path) -> None:
     """No reply is given a second time."""
     first = tmp_path / "first run"
@@ -45,6 +46,7 @@ def test_a_replay_goes_on_once_the_repeated_run_has_as_its_advice_says(run_toy: 
     assert candidates(replay()) == candidates(longer)
 
 
+@pytest.mark.slow
 def test_of_a_run_that_ended_by_itself_no_more_replies_are_promised(
     run_toy: RunToy, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -80,6 +80,7 @@ def test_it_opens_by_name_and_under_a_preset(route: Callable[..., None]) -> None
     assert not on_own_machines("rules", {})
 
 
+@pytest.mark.slow
 def test_the_user_sees_it(route: Callable[..., None], capsys: pytest.CaptureFixture[str]) -> None:
     route()
     rows = {(item.backend, item.route): item for item in survey()}

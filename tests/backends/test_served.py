@@ -114,6 +114,7 @@ def test_five_hundred_calls_to_a_faulty_server(
         print(f"\n{outcomes}, slowest call {worst:.2f} s, {len(server.seen)} requests")
 
 
+@pytest.mark.slow
 def test_persistence_ends_in_a_lost_round(serve, messages, schema, monkeypatch):
     monkeypatch.setattr(retrying, "_FIRST_WAIT_S", 0.01)
     server = serve(lambda seen, handler: (500, {}, b""))

@@ -44,6 +44,7 @@ def test_one_hundred_of_one_hundred_replies_are_valid(tiny_model, messages, sche
     print(f"{seconds / 100:.2f} s a reply, {tokens / seconds:.0f} tokens a second")
 
 
+@pytest.mark.slow
 def test_a_reply_is_finished_even_where_tokens_are_few(tiny_model, messages, schema):
     long = json.loads(json.dumps(schema))
     for name in ("analysis", "hypothesis", "rationale"):
@@ -55,6 +56,7 @@ def test_a_reply_is_finished_even_where_tokens_are_few(tiny_model, messages, sch
         assert _valid(reply.text, long)
 
 
+@pytest.mark.slow
 def test_an_action_has_what_it_needs_however_weak_the_model(tiny_model, messages):
     offer = Offer(("set", "simulate", "jacobian", "look"), space(), ("cc_discharge",), analysis_chars=100)
     backend = _open(tiny_model, temperature=1.5, max_reply_tokens=400)
@@ -63,12 +65,14 @@ def test_an_action_has_what_it_needs_however_weak_the_model(tiny_model, messages
     assert len(asked) > 1
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_reply(tiny_model, messages, schema):
     backend = _open(tiny_model, temperature=1.0, max_reply_tokens=400)
     first, again, other = (backend.complete(messages, schema, seed=seed).text for seed in (1, 1, 2))
     assert first == again != other
 
 
+@pytest.mark.slow
 def test_the_model_is_loaded_once_and_named(tiny_model, messages, schema):
     first, second = _open(tiny_model), _open(tiny_model, temperature=0.5)
     assert first._inner._loaded is second._inner._loaded is load(str(tiny_model), "auto")
@@ -114,6 +118,7 @@ def test_a_time_limit_ends_a_reply(tiny_model, messages, schema):
     assert reply.notes[-1] == "the reply was cut at its longest time (1e-06 s; timeout_s)"
 
 
+@pytest.mark.slow
 def test_only_a_reply_that_was_cut_is_told_as_such(tiny_model, messages, schema):
     cut = _open(tiny_model, max_reply_tokens=16).complete(messages, schema, seed=0)
     assert cut.notes[-1] == "the reply was cut at its longest length (16 tokens; max_reply_tokens)"
@@ -156,6 +161,7 @@ def padded_model(tiny_model, tmp_path):
     return folder
 
 
+@pytest.mark.slow
 def test_tokens_that_the_tokenizer_lacks_are_never_chosen_under_a_schema(padded_model, messages, schema):
     backend = _open(padded_model, temperature=1.8, max_reply_tokens=400)
     for seed in range(3):

@@ -95,6 +95,7 @@ def fragile(breaks_above_ohm: float, name: str) -> object:
     return toy_scaffold(name, simulator={"use": "toy-cell", "options": {"breaks_above_ohm": breaks_above_ohm}})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["least-squares", "hybrid"])
 def test_eased_simulations_count_are_kept_and_come_back_on_resume(run_toy: RunToy, tmp_path: Path, name: str) -> None:
     # The start has 0.05 Ohm, and nothing runs above 0.04 at the full current.

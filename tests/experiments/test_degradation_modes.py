@@ -11,6 +11,7 @@ from bsa.experiments.tasks.measured_cell import RESISTANCE
 from bsa.plugins.pybamm.simulators.life_simulator import LifeSimulator
 
 
+@pytest.mark.slow
 def test_a_resistance_that_grows_is_told_from_losses(tmp_path: Path) -> None:
     make(HIDDEN["resistance"], tmp_path / "life.csv", 0, 30)
     read = reading({"time": "time_s", "current": "current_A", "voltage": "voltage_V"}, temperature=25.0)

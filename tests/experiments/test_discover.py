@@ -39,6 +39,7 @@ def test_options_refuse_what_they_do_not_know():
         DiscoverOptions.model_validate({"data": ["a.csv"], "parameters": "Chen2020", "out": "x", "dta": []})
 
 
+@pytest.mark.slow
 def test_what_is_uncertain_comes_from_a_preset_a_file_or_names(tmp_path):
     cell = CellModel("Chen2020", "SPMe")
     assert len(spreads_of("all", cell)) == 9
@@ -131,6 +132,7 @@ def test_what_was_assumed_of_the_records_is_told_before_anything_is_simulated(tm
     assert any(text.startswith("note: cell.csv: begins under load (3.900 V") for text in heard)
 
 
+@pytest.mark.slow
 def test_a_discovered_cell_has_the_nominal_capacity_of_its_size(tmp_path):
     time = np.arange(0.0, 4201.0, 30.0)
     amperes = np.where(time < 600.0, 0.0, 10.0)

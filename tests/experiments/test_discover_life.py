@@ -90,6 +90,7 @@ def kept(folder: Path) -> int:
     return sum(event["event"] == "simulation" for event in read_events(folder))
 
 
+@pytest.mark.slow
 def test_a_discovery_that_was_stopped_keeps_every_simulation(
     toy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -207,6 +208,7 @@ def short_life(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_every_effect_of_ageing_is_absent_at_its_null(short_life: Path) -> None:
     """Each is compiled beside a cell that does not age, and shows the same life."""
     ageless = CellChoice("Chen2020", "SPM", {"SEI": "none"}, search="cell")
@@ -224,6 +226,7 @@ def test_every_effect_of_ageing_is_absent_at_its_null(short_life: Path) -> None:
         assert np.sqrt(np.mean((changes(found.residual) - changes(base.residual)) ** 2)) < 0.1, effect.key
 
 
+@pytest.mark.slow
 def test_the_script_of_a_life_ages_as_it_was_fitted(short_life: Path) -> None:
     ageless = CellChoice("Chen2020", "SPM", {"SEI": "none"}, search="cell")
     task = task_of_records(Records([short_life], reads=[READ], life=True), ageless)
@@ -253,8 +256,8 @@ def test_an_effect_that_cannot_be_built_costs_only_itself(short_life: Path) -> N
 @pytest.mark.slow
 @pytest.mark.parametrize("case", ["diffusion", "resistance"])
 def test_the_hidden_mechanism_is_named(case: str, tmp_path: Path) -> None:
-    make(HIDDEN[case], tmp_path / "life.csv", 0, 100)
-    records = Records([tmp_path / "life.csv"], reads=[READ], fit_cycles=60)
+    make(HIDDEN[case], tmp_path / "life.csv", 0, 50)
+    records = Records([tmp_path / "life.csv"], reads=[READ], fit_cycles=30)
     found = discover(discover_options(records, tmp_path / "out", parameters="Chen2020", model="SPM"))
     assert (found.verdict, found.names) == ("effect-found", (HIDDEN[case].name,))
     content = json.loads((tmp_path / "out" / "discovery.json").read_text())

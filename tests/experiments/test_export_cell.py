@@ -13,6 +13,7 @@ from bsa.experiments import export_cell
 from bsa.experiments.export_cell import Difference, difference_on, exported
 
 
+@pytest.mark.slow
 def test_a_step_that_ends_a_little_earlier_is_no_difference_of_the_curves() -> None:
     steps = (
         "Discharge at 1C until 3.2 V",

@@ -78,6 +78,7 @@ def test_held_out_records_are_in_the_result_and_in_the_report(fitted) -> None:
     assert "Total MAPE" not in page
 
 
+@pytest.mark.slow
 def test_a_later_record_is_scored_wherever_it_starts(fitted) -> None:
     at_rest = fitted.predict(bsa.read_record(measured(0.5, 20), name="half"), workers=1)
     assert at_rest.errors["half"]["voltage"]["rms"] < 2.0
@@ -91,6 +92,7 @@ def test_a_later_record_is_scored_wherever_it_starts(fitted) -> None:
     assert any("begins under load" in note for note in loaded.to_json()["notes"])
 
 
+@pytest.mark.slow
 def test_the_command_predicts_and_takes_a_state_of_charge(fitted, tmp_path) -> None:
     path = tmp_path / "half.csv"
     measured(0.5, 20).to_csv(path, index=False)
@@ -114,6 +116,7 @@ def test_a_prediction_is_neither_overwritten_nor_simulated_without_a_place(fitte
         fitted.predict(bsa.read_record(measured(0.5, 20), name="half"), out=tmp_path)
 
 
+@pytest.mark.slow
 def test_a_record_of_a_cell_of_another_size_is_asked_about(fitted, tmp_path) -> None:
     hours = np.linspace(0.0, 1.0, 120)
     record = {"Time [s]": 3600.0 * hours, "Current [A]": -1.0, "Voltage [V]": 4.15 - 1.6 * hours**4}
@@ -129,6 +132,7 @@ def test_a_record_of_a_cell_of_another_size_is_asked_about(fitted, tmp_path) -> 
     assert f"other.csv (held out): {words}" in json.loads((tmp_path / "p" / "prediction.json").read_text())["notes"]
 
 
+@pytest.mark.slow
 def test_a_spectrum_is_compared_with_the_fitted_cell(fitted, tmp_path) -> None:
     frequency = np.logspace(3, -2, 12)
     table = {"Frequency [Hz]": frequency, "Zreal [ohm]": 0.02 + 0.01 / (1 + frequency / 10), "Zimag [ohm]": -1e-3}
@@ -149,6 +153,7 @@ def test_a_spectrum_is_compared_with_the_fitted_cell(fitted, tmp_path) -> None:
     assert fitted.predict(path).spectra["z.csv"] == found["impedance"]
 
 
+@pytest.mark.slow
 def test_what_cannot_be_predicted_is_refused_in_a_line(fitted, tmp_path) -> None:
     half = bsa.read_record(measured(0.5, 20), name="half")
     with pytest.raises(BsaError, match="2 initial states of charge were given for 1 records"):
@@ -177,6 +182,7 @@ def test_joined_files_are_one_record(tmp_path) -> None:
     assert len(task_of_records(Records(paths), cell).experiments) == 2
 
 
+@pytest.mark.slow
 def test_a_run_starts_from_the_best_values_of_another(fitted) -> None:
     best = fitted.parameters[RADIUS]
     goes_on = task_after(fitted, start_from=fitted.folder)
@@ -191,6 +197,7 @@ def test_a_run_starts_from_the_best_values_of_another(fitted) -> None:
         task_after(fitted, start_from=fitted.folder, parameters="Chen2020")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["", "best_parameters.json"])
 def test_a_run_s_folder_or_best_parameters_is_a_parameter_set(fitted, name) -> None:
     task = task_after(fitted, parameters=str(fitted.folder / name), search={RADIUS: {"factors": [0.5, 2.0]}})
@@ -205,6 +212,7 @@ def test_best_parameters_without_their_run_say_what_they_lack(fitted, tmp_path) 
         task_after(fitted, parameters=str(alone))
 
 
+@pytest.mark.slow
 def test_a_run_that_was_not_analysed_says_how_a_band_comes(fitted, tmp_path) -> None:
     folder = tmp_path / "bare run"
     folder.mkdir()

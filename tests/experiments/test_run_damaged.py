@@ -53,6 +53,7 @@ def changed(content: Any, path: tuple[Any, ...], value: Any) -> Any:
     return copy
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_one_value_changed_anywhere(data: st.DataObject, lines: list[dict[str, Any]], tmp_path: Path) -> None:

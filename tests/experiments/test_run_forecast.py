@@ -33,6 +33,7 @@ def records(folder: Path) -> list[Any]:
     return [one for one in json.loads((folder / "result.json").read_text())["records"] if not one["fitted"]]
 
 
+@pytest.mark.slow
 def test_the_forecast_is_in_the_folder_and_told_while_the_intervals_are_sought(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -48,7 +48,7 @@ def command(arguments: list[str], entry: object = run_main) -> str:
     return said.getvalue()
 
 
-@pytest.fixture(scope="module", params=["full", "hybrid"])
+@pytest.fixture(scope="module", params=[pytest.param(name, marks=pytest.mark.slow) for name in ("full", "hybrid")])
 def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """The folder of a run, and what the terminal showed."""
     folder = tmp_path_factory.mktemp(request.param) / "run"
@@ -97,6 +97,7 @@ def test_neither_the_report_nor_the_terminal_speaks_of_a_cell(run: tuple[Path, s
     assert re.search(r"displacement RMSE +17\.\d+ → 0\.19\d+ mm", terminal)
 
 
+@pytest.mark.slow
 def test_its_journal_alone_brings_everything_back(run: tuple[Path, str]) -> None:
     folder, _ = run
     task, config = read_request(folder)
@@ -123,6 +124,7 @@ def test_the_task_is_listed_with_its_origin_and_found_by_its_name() -> None:
         find_task("oscilator")
 
 
+@pytest.mark.slow
 def test_a_grid_of_it_compares_its_own_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     grid = {"name": "bench", "tasks": ["oscillator"], "scaffolds": ["default", "least-squares"], "simulations": 20}

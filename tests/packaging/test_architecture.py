@@ -46,6 +46,7 @@ def imports(path: Path) -> list[tuple[int, str]]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(ROOT)))
 def test_imports_never_point_up(path: Path) -> None:
     parts = path.relative_to(ROOT).parts

@@ -79,6 +79,7 @@ def imported() -> set[str]:
     return found - sys.stdlib_module_names
 
 
+@pytest.mark.slow
 def test_every_library_that_is_imported_is_a_dependency() -> None:
     distributions = packages_distributions()
     # The first is used where it is installed, and asked for by name; the second is jinja2's own type of a text.

@@ -57,6 +57,7 @@ def test_there_is_one_of_each_kind_and_all_can_be_used() -> None:
     assert installed().unusable == []
 
 
+@pytest.mark.slow
 def test_a_run_of_five_kinds(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     ran(monkeypatch, "bsa-run demo --scaffold mine.yaml", "--rounds", "3", "--out", "run")
     result = json.loads((tmp_path / "run" / "result.json").read_text())
@@ -66,6 +67,7 @@ def test_a_run_of_five_kinds(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
     assert {trial["feedback"]["verdict"] for trial in trials} == {"far"}
 
 
+@pytest.mark.slow
 def test_a_run_with_the_backend(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     more = ["--rounds", "2", "--warmup", "0", "--set", "simulator.use=ohmic", "--out", "run"]
     ran(monkeypatch, "bsa-run demo --scaffold full --backend echo", *more)
@@ -74,6 +76,7 @@ def test_a_run_with_the_backend(monkeypatch: pytest.MonkeyPatch, tmp_path: Path)
     assert '"*1.02"' in replies[0]["text"]
 
 
+@pytest.mark.slow
 def test_a_run_by_the_route(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

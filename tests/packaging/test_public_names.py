@@ -23,6 +23,7 @@ def test_the_import_is_fast_and_loads_no_library() -> None:
     subprocess.run([sys.executable, "-c", f"import bsa, sys; assert not {heavy} & set(sys.modules)"], check=True)
 
 
+@pytest.mark.slow
 def test_the_functions_are_there_without_the_simulator() -> None:
     code = "import sys; from bsa import calibrate, read_record, Task; assert 'pybamm' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -205,6 +205,7 @@ def test_there_is_a_class_for_each_kind() -> None:
     assert kinds == set(KINDS)
 
 
+@pytest.mark.slow
 def test_the_import_loads_no_heavy_library() -> None:
     heavy = "{'pybamm', 'pandas', 'matplotlib', 'litellm', 'torch', 'transformers', 'openpyxl'}"
     subprocess.run(

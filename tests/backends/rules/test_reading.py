@@ -94,6 +94,7 @@ def answer(messages: list[Message]) -> None:
         assert isinstance(json.loads(RulesBackend().complete(messages, schema, seed=0).text), dict)
 
 
+@pytest.mark.slow
 @given(st.sampled_from([(heading, path) for heading in SECTIONS for path in places(SECTIONS[heading])]), ANY_JSON)
 @example((NUMERICS, ("status",)), "done")
 @example((SENSITIVITIES, ("effects", "rows")), [[A, 1, 0.0, 1e300]])
@@ -103,6 +104,7 @@ def test_any_part_of_any_section_may_be_anything(place: tuple[str, tuple[Any, ..
     answer(conversation(list((SECTIONS | {heading: replaced(SECTIONS[heading], path, value)}).items())))
 
 
+@pytest.mark.slow
 @given(st.sampled_from(sorted(SECTIONS)), ANY_JSON)
 def test_a_memory_under_a_known_heading_may_say_anything(heading: str, content: Any) -> None:
     sections = list(SECTIONS.items())

@@ -24,6 +24,7 @@ def test_a_match_leaves_nothing() -> None:
     assert np.max(np.abs(found)) < 1e-9
 
 
+@pytest.mark.slow
 @given(st.floats(0.8, 1.25), st.floats(0.01, 0.06))
 def test_the_layout_depends_on_the_task_alone(factor: float, series: float) -> None:
     found = residuals(TASK, outcome(**{CAPACITY: factor * HIDDEN[CAPACITY], SERIES: series}))
@@ -34,6 +35,7 @@ def test_the_layout_depends_on_the_task_alone(factor: float, series: float) -> N
     assert np.all(np.isfinite(found))
 
 
+@pytest.mark.slow
 @given(st.floats(0.9, 1.1))
 def test_residuals_are_smooth_although_the_discharge_ends_at_an_event(factor: float) -> None:
     values = [

@@ -66,6 +66,7 @@ def test_a_sample_at_a_jump_is_not_the_largest_error(inserted: list[int]) -> Non
     assert found.signals["voltage"].max == pytest.approx(5.0)
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(-1.0, 1.0), min_size=42, max_size=42))
 def test_what_is_left_out_is_never_the_better_part(errors: list[float]) -> None:
     record = two_steps()

@@ -77,6 +77,7 @@ def test_code_is_text() -> None:
     assert parse_object('{"a": __import__("os").system("true")}')["a"].startswith("__import__")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "piece", ["{", "[", '{"a":', '{"a":/*', "{'", '{"a":[', '{"a":"', "{a ", '{"a" {', "<think>", '{"', "\\"]
 )
@@ -102,6 +103,7 @@ def test_any_text_gives_an_object_or_a_bsa_error(text: str) -> None:
 SHORT = st.text(max_size=12)
 
 
+@pytest.mark.slow
 @given(st.dictionaries(SHORT, st.recursive(st.none() | st.booleans() | st.integers() | SHORT, st.lists, max_leaves=8)))
 def test_valid_json_comes_back_as_it_is(content: dict) -> None:
     assert parse_object("answer:\n" + json.dumps(content)) == content

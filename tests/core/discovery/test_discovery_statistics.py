@@ -36,6 +36,7 @@ def test_intervals_hold_where_an_error_is_the_same_over_a_whole_step():
     assert 0.9 * 400 < held["systematic"] < 0.99 * 400
 
 
+@pytest.mark.slow
 def test_false_alarms_stay_at_the_stated_rate():
     rng = np.random.default_rng(5)
     alarms = 0
@@ -50,6 +51,7 @@ def discharge(time, voltage):
     return Trajectory(time, np.ones_like(time), voltage, None, (Step(StepKind.CC_DISCHARGE, 0, len(time)),))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("count", "noise_v", "rounding_v", "tails"),
     [(100, 3e-3, 0.0, None), (300, 2e-3, 3e-3, None), (2000, 1e-4, 3e-3, None), (300, 1e-3, 0.0, 3)],
@@ -90,6 +92,7 @@ def test_deviations_that_are_mostly_floor_are_known():
     assert both == pytest.approx(200, rel=0.1)
 
 
+@pytest.mark.slow
 def test_parameters_that_priors_hold_raise_no_false_alarms():
     rng = np.random.default_rng(9)
     place = np.linspace(0, np.pi, 200)
@@ -105,6 +108,7 @@ def test_parameters_that_priors_hold_raise_no_false_alarms():
     assert alarms / 1500 < 2.0 * FALSE_ALARM
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("count", "parameters"), [(60, 10), (60, 14), (100, 24), (400, 12)])
 @pytest.mark.parametrize("smooth", [True, False])
 def test_what_a_fit_takes_from_noise_raises_no_false_alarms(count, parameters, smooth):

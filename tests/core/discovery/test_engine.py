@@ -33,6 +33,7 @@ def test_the_hidden_effect_is_named_and_measured(name, held):
     assert findings.best.held_rmse_v < findings.base.held_rmse_v
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lagging", [False, True])
 def test_an_effect_that_lagged_in_its_short_fit_is_a_rival_of_what_leaves_noise_only(monkeypatch, lagging):
     """A leak of 118 mA was named for an offset of the current of 118 mA, whose short fit had ended far off."""
@@ -66,6 +67,7 @@ class CoarseWhereStrong(toy.ToySimulator):
         return Prediction(super().one(request).voltage + coarse)
 
 
+@pytest.mark.slow
 def test_the_mesh_is_corrected_where_the_best_explanation_ended():
     """The correction of the base model, which lacks the effect, was none: 3 mV of the mesh counted as a misfit."""
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
@@ -86,16 +88,19 @@ def test_an_explanation_keeps_the_errors_of_the_hold_out_records_that_its_own_er
         assert np.sqrt(np.average(squares, weights=observed.count)) == pytest.approx(found.held_rmse_v)
 
 
+@pytest.mark.slow
 def test_nothing_is_named_where_nothing_is_missing():
     verdicts = [run({}, seed).verdict for seed in range(25)]
     assert verdicts.count("no-missing-effect") == len(verdicts)
 
 
+@pytest.mark.slow
 def test_a_forbidden_sign_is_not_named():
     findings = run({"sign": -0.01}, catalogue=(toy.HYSTERESIS,))
     assert findings.verdict == "unexplained"
 
 
+@pytest.mark.slow
 def test_progress_never_says_that_no_simulation_is_left_where_more_follow():
     lines = []
     problem, space = toy.problem(np.random.default_rng(0), {"sign": -0.01}, True)
@@ -105,6 +110,7 @@ def test_progress_never_says_that_no_simulation_is_left_where_more_follow():
     assert lines[place + 1].startswith("at most ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("simulator", [toy.ToySimulator, toy.TwoFidelities])
 def test_the_last_that_is_said_of_an_effect_is_what_the_verdict_says(simulator):
     lines = []
@@ -143,12 +149,14 @@ def test_what_the_parameters_imitate_is_no_missing_effect():
     assert findings.verdict == "no-missing-effect"
 
 
+@pytest.mark.slow
 def test_an_effect_of_no_catalogue_stays_unexplained():
     findings = run({"outside": 0.01})
     assert findings.verdict == "unexplained"
     assert not findings.best.adequacy.adequate
 
 
+@pytest.mark.slow
 def test_twins_are_ambiguous():
     class Twins(toy.ToySimulator):
         pass
@@ -171,12 +179,14 @@ def test_twins_are_ambiguous():
     assert {findings.best.names[0], findings.rivals[0].names[0]} == {"sign", "sign-twin"}
 
 
+@pytest.mark.slow
 def test_a_pair_is_found():
     findings = run({"quadratic": 0.01, "sign": 0.015})
     assert findings.verdict == "effect-found"
     assert findings.best.names == ("quadratic", "sign")
 
 
+@pytest.mark.slow
 def test_an_effect_that_the_records_cannot_show_is_left_out():
     silent = toy.effect("sign", lacks=lambda evidence: "needs more cycles")
     findings = run({"quadratic": 0.01}, catalogue=(toy.QUADRATIC, silent))
@@ -207,6 +217,7 @@ def fitted(fitter, effects, budget):
     return fitter.explain(effects, fit)
 
 
+@pytest.mark.slow
 def test_two_effects_that_hide_behind_each_other_are_tried_together_whatever_a_score_promises():
     problem, space = toy.problem(np.random.default_rng(0), {"quadratic": 0.01, "sign": 0.015})
     engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE)
@@ -239,6 +250,7 @@ def test_an_effect_that_acts_only_where_it_is_strong_is_scored_there():
     assert first.gain > 1.5 * second.gain
 
 
+@pytest.mark.slow
 def test_where_what_the_scores_favour_helps_little_the_others_are_fitted_whatever_their_sign():
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.02})
     either = toy.effect("sign", lower=-1.0)
@@ -279,6 +291,7 @@ def test_the_best_fit_is_gone_on_with_until_it_has_converged():
     assert finished.adequacy.adequate
 
 
+@pytest.mark.slow
 def test_a_fit_that_has_not_converged_goes_on_with_the_slopes_of_the_base_model_however_far_behind_it_is():
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
     problem.simulator = toy.TwoFidelities()
@@ -368,6 +381,7 @@ def test_no_second_effect_is_added_to_one_that_is_no_better_than_the_base_model(
     assert paired == [good]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("truth", [{}, {"sign": 0.01}, {"outside": 0.01}, {"quadratic": 0.01, "sign": 0.015}])
 def test_a_cheaper_model_changes_no_answer_and_does_most_of_the_work(truth):
     problem, space = toy.problem(np.random.default_rng(0), truth)

@@ -60,6 +60,7 @@ def test_what_is_known_of_the_mesh_is_cut_too():
     assert len(problem.corrections["cycled"]) == count
 
 
+@pytest.mark.slow
 @given(st.integers(1, 12), st.floats(0.011, 1.0))
 def test_records_are_cut_where_they_have_drifted_far(first_far, size):
     problem, _ = cycled({})
@@ -74,6 +75,7 @@ def test_what_does_not_drift_is_not_cut():
     assert near_cycles(problem, [np.full(len(problem.observations[0]), 0.005)]) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1e-3, 0.05])
 def test_ageing_is_added_to_the_cell_as_it_was_new(size):
     # The strong one adds as much resistance in twelve cycles as ten cells have: a base fit of all cycles is no start.
@@ -85,6 +87,7 @@ def test_ageing_is_added_to_the_cell_as_it_was_new(size):
     assert findings.best.fit.candidate["resistance factor"] == pytest.approx(1.2, rel=0.02)
 
 
+@pytest.mark.slow
 def test_parameters_of_the_first_cycle_are_those_of_the_cell_as_it_was_new():
     problem, space = cycled({"fade": 0.02})
     fitter = Fitter(problem, space, Settings(), lambda text: None)
@@ -94,6 +97,7 @@ def test_parameters_of_the_first_cycle_are_those_of_the_cell_as_it_was_new():
     assert bent > 1.5
 
 
+@pytest.mark.slow
 def test_a_cell_that_does_not_age_lacks_nothing():
     problem, space = cycled({})
     assert Engine(problem, space, (toy.FADE,), toy.EVIDENCE).run().verdict == "no-missing-effect"
@@ -105,6 +109,7 @@ def test_a_horizon_is_doubled_until_the_whole_is_reached():
     assert [len(stage.observations[0].measured_record.record.cycles) for stage in longer(problem, near)] == [6, 12]
 
 
+@pytest.mark.slow
 def test_no_second_effect_is_sought_over_many_cycles(monkeypatch):
     problem, space = cycled({"fade": 0.02, "slow": 0.01})
     engine = Engine(problem, space, (toy.FADE, toy.SLOW), toy.EVIDENCE, Settings(max_effects=2))

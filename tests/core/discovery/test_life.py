@@ -137,6 +137,7 @@ def test_each_mechanism_has_a_line_and_a_place_among_those_considered() -> None:
     assert [(one.effect.name, bool(one.lacks)) for one in found.nominations] == [("linear", False), ("gain", True)]
 
 
+@pytest.mark.slow
 def test_fits_side_by_side_find_the_same() -> None:
     one, two = (discovery(0.1, 1.0) for _ in range(2))
     two._at_once = 2

@@ -45,6 +45,7 @@ def test_a_simulation_is_averaged_as_the_record_is():
     assert np.max(np.abs(averaged[discharge])) < 0.002
 
 
+@pytest.mark.slow
 @given(st.integers(12, 300), st.integers(1, 8))
 def test_moments_stand_for_every_sample_once(points, cycles):
     record = emptying(cycles=cycles)
@@ -54,6 +55,7 @@ def test_moments_stand_for_every_sample_once(points, cycles):
     assert np.all(np.diff(observed.moments.stretch) >= 0)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1))
 def test_a_subset_keeps_its_own_moments(seed):
     observed = observe(MeasuredRecord("x", emptying(cycles=3)), points=60)

@@ -41,6 +41,7 @@ def numbers(findings):
     return [(e.label, tuple(e.fit.u), e.rmse_v, e.held_rmse_v) for e in findings.explanations]
 
 
+@pytest.mark.slow
 def test_a_discovery_that_was_stopped_goes_on_where_it_was_and_finds_the_same(tmp_path):
     whole = Counting()
     wanted = discover(tmp_path / "whole", whole)
@@ -54,6 +55,7 @@ def test_a_discovery_that_was_stopped_goes_on_where_it_was_and_finds_the_same(tm
     assert rest.asked <= whole.asked - done
 
 
+@pytest.mark.slow
 def test_a_discovery_that_is_done_simulates_nothing_again(tmp_path):
     first, again = [], []
     wanted = discover(tmp_path / "run", Counting(), first.append)

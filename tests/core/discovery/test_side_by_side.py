@@ -34,6 +34,7 @@ def test_the_first_failure_is_raised_and_those_not_begun_are_left_out():
     assert len(begun) < 10
 
 
+@pytest.mark.slow
 def test_a_discovery_finds_the_same_with_threads():
     def run(at_once):
         problem, space = toy.problem(np.random.default_rng(0), {"quadratic": 0.01, "sign": 0.015})

@@ -27,12 +27,14 @@ def fitted(emulates: bool, budget: int) -> LeastSquares:
     return search
 
 
+@pytest.mark.slow
 def test_a_narrow_valley_that_bends_takes_fewer_simulations_than_with_jacobians_alone() -> None:
     emulated = fitted(True, budget=60)
     assert emulated.cost < 1.1 * fitted(False, budget=400).cost
     assert emulated.cost < 0.1 * fitted(False, budget=60).cost
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 1.0))
 @settings(max_examples=10)
 def test_failures_never_lead_out_of_the_box_nor_uphill_and_end(seed: int, share_failing: float) -> None:
@@ -75,6 +77,7 @@ def test_behind_the_first_jacobian_its_updates_lead_until_they_fail() -> None:
         assert search.cost == failed or search.stage != "step"
 
 
+@pytest.mark.slow
 def test_whether_a_jacobian_is_wanted_is_known_before_it_is_asked_for() -> None:
     search = LeastSquares(np.full(6, 0.2), settings=Settings(noise=0.3, tolerance=1 / 34, emulates=True))
     while (stage := search.stage) != "done" and search.simulations < 200:

@@ -33,6 +33,7 @@ def identified(
     return identify(matrix, residual, SPACE, at, residual_noise(residual, len(SPACE), floor))
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     rng = np.random.default_rng(5)
     matrix = rng.normal(size=(40, 3)) * [30.0, 8.0, 15.0]

@@ -43,6 +43,7 @@ def test_a_linear_problem_takes_one_jacobian_and_a_few_steps(seed: int, count: i
     assert search.simulations <= 1 + count + 6
 
 
+@pytest.mark.slow
 @given(seeds, st.integers(1, 6), st.floats(0.0, 0.3), st.floats(0.0, 1.0))
 @settings(max_examples=60)
 def test_noise_failures_and_curvature_never_lead_out_of_the_box_nor_uphill(

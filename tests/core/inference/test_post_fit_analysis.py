@@ -75,6 +75,7 @@ def fitted(run_toy: RunToy, folder: Path, name: str = "least-squares", **more: o
     return run_toy(folder, scaffold=toy_scaffold(name), simulations=60, rounds=60, warm_up=0, analysing=True, **more)
 
 
+@pytest.mark.slow
 def test_the_intervals_are_those_on_paper(run_toy: RunToy, tmp_path: Path) -> None:
     result = fitted(run_toy, tmp_path)
     analysis = result.analysis
@@ -101,6 +102,7 @@ def test_the_intervals_are_those_on_paper(run_toy: RunToy, tmp_path: Path) -> No
     assert analysis.unsettled == ()
 
 
+@pytest.mark.slow
 def test_priors_narrow_the_intervals_of_a_search_that_weighed_them(run_toy: RunToy, tmp_path: Path) -> None:
     plain = toy_task()
     known = [
@@ -119,6 +121,7 @@ def test_priors_narrow_the_intervals_of_a_search_that_weighed_them(run_toy: RunT
     assert weighing.identifiability.intervals[SERIES].share_of_range < 1.2 * share
 
 
+@pytest.mark.slow
 def test_simulations_after_the_search_are_not_the_searchs(run_toy: RunToy, tmp_path: Path) -> None:
     plain = run_toy(tmp_path / "plain", scaffold=toy_scaffold("least-squares"), simulations=60, rounds=60, warm_up=0)
     looked = fitted(run_toy, tmp_path / "looked")
@@ -137,6 +140,7 @@ def test_simulations_after_the_search_are_not_the_searchs(run_toy: RunToy, tmp_p
             PostFitAnalysis.from_json({**content["identifiability"], name: None})
 
 
+@pytest.mark.slow
 def test_an_analysis_cut_off_anywhere_goes_on_from_what_was_simulated(run_toy: RunToy, tmp_path: Path) -> None:
     # Its fit is taken from afar, so that no derivative is known from the search.
     def looked(folder: Path) -> RunResult:
@@ -180,6 +184,7 @@ def test_derivatives_that_the_search_has_taken_are_used(run_toy: RunToy, tmp_pat
     assert known_derivatives([start, far], replace(start, candidate=moved), space()).columns == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["full", "hybrid", "cma-es"])
 def test_any_scaffold_can_be_judged_and_a_resumed_run_says_the_same(run_toy: RunToy, tmp_path: Path, name: str) -> None:
     result = fitted(run_toy, tmp_path / "whole", name)
@@ -194,6 +199,7 @@ def test_any_scaffold_can_be_judged_and_a_resumed_run_says_the_same(run_toy: Run
         assert sum(event["event"] == "appraisal" for event in read_events(folder)) == 1
 
 
+@pytest.mark.slow
 def test_the_next_measurement_is_the_most_telling_of_those_a_simulator_offers(run_toy: RunToy, tmp_path: Path) -> None:
     result = fitted(run_toy, tmp_path)
     assert result.analysis is not None
@@ -220,6 +226,7 @@ def test_a_run_in_which_nothing_simulates_is_not_judged(run_toy: RunToy, tmp_pat
     assert result.analysis is None
 
 
+@pytest.mark.slow
 def test_a_search_that_ends_by_itself_leaves_the_analysis_what_it_was_allowed(run_toy: RunToy, tmp_path: Path) -> None:
     result = fitted(run_toy, tmp_path)
     assert len(result.trials) < 60
@@ -227,6 +234,7 @@ def test_a_search_that_ends_by_itself_leaves_the_analysis_what_it_was_allowed(ru
     assert result.analysis.budget == 60
 
 
+@pytest.mark.slow
 def test_a_fit_that_stopped_short_says_so(run_toy: RunToy, tmp_path: Path) -> None:
     result = run_toy(
         tmp_path, scaffold=toy_scaffold("least-squares"), simulations=5, rounds=5, warm_up=0, analysing=True

@@ -22,6 +22,7 @@ def drawn(centre: np.ndarray, residual: np.ndarray, jacobian: np.ndarray, bend: 
     return prior.unit(sample(costs, beginning(here, residual, jacobian * prior.slopes(here))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [4, 20])
 def test_well_determined_parameters_have_the_linear_interval_around_the_linear_estimate(count: int) -> None:
     rng = np.random.default_rng(2)

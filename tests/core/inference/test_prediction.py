@@ -29,6 +29,7 @@ def with_held_out() -> Task:
     return replace(toy_task(), held_out=(Experiment("at 2 A", record(HIDDEN, 2.0), PROTOCOL),))
 
 
+@pytest.mark.slow
 def test_what_was_not_fitted_is_scored_beside_what_was(run_toy: RunToy, tmp_path: Path) -> None:
     task = with_held_out()
     result = run_toy(tmp_path, task=task, analysing=True)
@@ -51,6 +52,7 @@ def test_what_was_not_fitted_is_scored_beside_what_was(run_toy: RunToy, tmp_path
     assert [(row["record"], row["fitted"]) for row in rows] == [("toy record", True), ("at 2 A", False)]
 
 
+@pytest.mark.slow
 def test_a_resumed_run_does_not_predict_again(run_toy: RunToy, tmp_path: Path) -> None:
     whole = run_toy(tmp_path, task=with_held_out())
     lines = (tmp_path / FILE_NAME).read_bytes().splitlines(keepends=True)
@@ -62,6 +64,7 @@ def test_a_resumed_run_does_not_predict_again(run_toy: RunToy, tmp_path: Path) -
     assert not whole.held_out[0].bands  # without an analysis of the fit nothing is known of its covariance
 
 
+@pytest.mark.slow
 def test_a_prediction_from_before_the_posterior_was_known_is_made_again_with_bands(
     run_toy: RunToy, tmp_path: Path
 ) -> None:

@@ -27,6 +27,7 @@ def recording(model: Callable[[np.ndarray], np.ndarray]) -> tuple[list[int], Sim
     return asked, simulate
 
 
+@pytest.mark.slow
 def test_draws_follow_a_curved_valley_to_its_ends() -> None:
     asked, simulate = recording(residuals)
     centre = np.array([0.5, 0.5])
@@ -46,6 +47,7 @@ def test_draws_follow_a_curved_valley_to_its_ends() -> None:
     assert np.quantile(np.sum(residuals(draws) ** 2, axis=1), 0.9) < 8.0
 
 
+@pytest.mark.slow
 def test_a_valley_that_is_straight_takes_one_round() -> None:
     slopes = np.random.default_rng(0).normal(size=(20, 2)) * 50.0
 
@@ -61,6 +63,7 @@ def test_a_valley_that_is_straight_takes_one_round() -> None:
     assert np.std(draws, axis=0) == pytest.approx(deviation, rel=0.12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("off", "held"), [(0.0, True), (0.01, True), (0.1, False)])
 def test_a_fit_that_stopped_short_is_told_from_one_that_is_as_likely_as_the_draws(off: float, held: bool) -> None:
     """Two hundred residuals see each parameter to about a hundredth of its range."""
@@ -88,6 +91,7 @@ def test_an_error_of_one_sign_costs_little_and_others_as_much_as_before() -> Non
     assert plain.whitened(doubt) == pytest.approx(doubt / 2.0)
 
 
+@pytest.mark.slow
 def test_many_parameters_with_priors_of_their_own_are_drawn_about_as_wide_as_they_are() -> None:
     """Of eighteen parameters a record sees six; of the others the priors tell, whose widths differ."""
     rng = np.random.default_rng(3)
@@ -105,6 +109,7 @@ def test_many_parameters_with_priors_of_their_own_are_drawn_about_as_wide_as_the
     assert np.std(draws, axis=0) == pytest.approx(expected, rel=0.25)
 
 
+@pytest.mark.slow
 def test_a_cell_that_runs_empty_early_does_not_spoil_what_is_learnt() -> None:
     """Beyond a cliff all residuals are thousands of deviations off."""
     slopes = np.random.default_rng(0).normal(size=(20, 2)) * 50.0
@@ -120,6 +125,7 @@ def test_a_cell_that_runs_empty_early_does_not_spoil_what_is_learnt() -> None:
     assert np.std(draws, axis=0) == pytest.approx(deviation, rel=0.25)
 
 
+@pytest.mark.slow
 def test_a_budget_bounds_the_simulations_and_what_it_leaves_unknown_widens_the_sample() -> None:
     """Draws of a curved valley that two simulations a round do not settle."""
     asked, simulate = recording(residuals)
@@ -136,6 +142,7 @@ def test_a_budget_bounds_the_simulations_and_what_it_leaves_unknown_widens_the_s
     assert np.all(high > 0.9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("most", [None, 30])
 def test_draws_that_never_come_out_as_predicted_widen_the_sample_whatever_the_budget(most: int | None) -> None:
     """Residuals that are rough in the parameters, which no emulator learns."""
@@ -152,6 +159,7 @@ def test_draws_that_never_come_out_as_predicted_widen_the_sample_whatever_the_bu
     assert len(found.followed) == 0, "no neighbour of the fit follows the record as it does"
 
 
+@pytest.mark.slow
 def test_a_sample_none_of_whose_draws_ran_is_widened() -> None:
     slopes = 6.0 * np.random.default_rng(1).normal(size=(60, 2))
     start = np.array([[0.5, 0.5], [0.51, 0.5], [0.5, 0.51]])
@@ -160,6 +168,7 @@ def test_a_sample_none_of_whose_draws_ran_is_widened() -> None:
     assert found.widened == pytest.approx(np.sqrt(2.0))
 
 
+@pytest.mark.slow
 def test_residuals_that_weigh_nothing_do_not_make_the_misfit_look_smaller() -> None:
     rng = np.random.default_rng(2)
     slopes, misfit = rng.normal(size=(200, 2)) * 50.0, 4.0 * rng.normal(size=200)

@@ -27,6 +27,7 @@ def said(samples: Samples) -> list[str]:
     return [note for note in to_record(samples, ReadOptions()).notes if "--voltage-lag" in note]
 
 
+@pytest.mark.slow
 @given(st.floats(0.6, 2.5), st.sampled_from([0.1, 1.0]), st.integers(0, 5))
 def test_a_lag_of_more_than_half_an_interval_is_found(intervals: float, interval_s: float, seed: int) -> None:
     late = drive(intervals * interval_s, interval_s, seed=seed)

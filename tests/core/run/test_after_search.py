@@ -48,6 +48,7 @@ def test_the_likeliest_follows_the_record_and_the_lowest_has_the_best_score() ->
     assert likeliest(failed) is lowest(failed) is failed[0]
 
 
+@pytest.mark.slow
 def test_parameters_errors_and_intervals_are_of_one_trial(run_toy: RunToy, tmp_path: Path) -> None:
     scaffold = toy_scaffold("random")
     result = run_toy(scaffold=scaffold, simulations=6, rounds=6, warm_up=0, analysing=True)
@@ -79,6 +80,7 @@ def test_a_run_that_is_taken_up_again_scores_nothing_twice(run_toy: RunToy, tmp_
     assert b'"event":"score"' not in added
 
 
+@pytest.mark.slow
 def test_an_interrupt_after_the_search_is_told_and_the_run_goes_on(
     run_toy: RunToy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -120,6 +122,7 @@ def executed(folder: Path, plugins: FadingLives, soon: list[RunResult]) -> RunRe
         return run.execute()
 
 
+@pytest.mark.slow
 def test_a_life_is_forecast_before_its_analysis_which_may_be_interrupted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -174,6 +177,7 @@ def test_a_forecast_goes_on_in_the_middle_of_its_band(tmp_path: Path) -> None:
     assert found.fade.half_ah[-1] == pytest.approx(float(student.ppf(0.975, 2)) * 0.01, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_life_is_simulated_once_with_reference_accuracy(tmp_path: Path) -> None:
     plugins = FadingLives()
     result = executed(tmp_path, plugins, [])

@@ -36,6 +36,7 @@ def tried(folder: Path) -> list[dict[str, float]]:
     return [dict(trial.candidate) for trial in read_run(folder).trials]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scaffold", METHODS.values(), ids=METHODS)
 @pytest.mark.parametrize("first", [1, 4, 6])
 def test_a_spent_run_goes_on_where_it_ended(run_toy: RunToy, tmp_path: Path, scaffold: Scaffold, first: int) -> None:
@@ -57,6 +58,7 @@ def test_a_spent_run_goes_on_where_it_ended(run_toy: RunToy, tmp_path: Path, sca
     assert [dict(trial.candidate) for trial in again.trials] == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scaffold", [METHODS["full"], METHODS["hybrid"]], ids=["full", "hybrid"])
 def test_a_run_with_a_larger_budget_resumes_to_the_same_wherever_it_is_cut(
     run_toy: RunToy, tmp_path: Path, scaffold: Scaffold
@@ -73,6 +75,7 @@ def test_a_run_with_a_larger_budget_resumes_to_the_same_wherever_it_is_cut(
         assert [dict(trial.candidate) for trial in resumed.trials] == [dict(trial.candidate) for trial in whole.trials]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["full", "hybrid", "staged", "cma-es"])
 def test_a_run_that_is_cut_anywhere_can_be_given_more(run_toy: RunToy, tmp_path: Path, name: str) -> None:
     """A round that was begun, with a reply or a proposal in the journal, is ended as it was begun."""
@@ -89,6 +92,7 @@ def test_a_run_that_is_cut_anywhere_can_be_given_more(run_toy: RunToy, tmp_path:
         assert [dict(trial.candidate) for trial in again.trials] == [dict(trial.candidate) for trial in result.trials]
 
 
+@pytest.mark.slow
 def test_stages_that_lacked_simulations_are_carried_out_with_more(run_toy: RunToy, tmp_path: Path) -> None:
     scaffold, few = METHODS["staged"], {"warm_up": 0, "rounds": 80}
     first = run_toy(tmp_path / "run", scaffold, simulations=12, **few)
@@ -125,6 +129,7 @@ def test_more_rounds_go_on_behind_the_last(run_toy: RunToy, tmp_path: Path) -> N
     assert read_request(tmp_path)[1].rounds == 4
 
 
+@pytest.mark.slow
 def test_more_patience_goes_on_behind_the_last_idle_round(run_toy: RunToy, tmp_path: Path) -> None:
     limits = {"simulations": 30, "rounds": 40, "warm_up": 2}
     first = run_toy(tmp_path, patience=2, **limits)
@@ -159,6 +164,7 @@ def test_the_same_command_with_more_says_how_the_run_goes_on(run_toy: RunToy, tm
     assert f"bsa run --resume {tmp_path} --simulations 12" in refused.value.hint
 
 
+@pytest.mark.slow
 def test_what_the_record_fixes_is_found_out_anew(run_toy: RunToy, tmp_path: Path) -> None:
     """Though the best simulation may be the same; what was said of the earlier end is no longer said."""
     scaffold = METHODS["least-squares"]

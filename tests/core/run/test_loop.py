@@ -45,6 +45,7 @@ def test_budgets_are_kept(run_toy: RunToy) -> None:
     assert [trial.phase for trial in result.trials].count("warm-up") == 8
 
 
+@pytest.mark.slow
 def test_a_resumed_run_equals_an_uninterrupted_one_wherever_it_was_cut(run_toy: RunToy, tmp_path: Path) -> None:
     short = {"warm_up": 4, "rounds": 6, "simulations": 14}
     whole = fingerprint(run_toy(tmp_path / "whole", **short))
@@ -193,6 +194,7 @@ class Interrupting(RulesBackend):
         return super().complete(messages, schema, seed=seed)
 
 
+@pytest.mark.slow
 def test_an_interrupt_leaves_a_run_that_can_be_resumed(run_toy: RunToy, tmp_path: Path) -> None:
     whole = fingerprint(run_toy(tmp_path / "whole"))
     stopped = run_toy(tmp_path / "stopped", backend=Interrupting(2))
@@ -215,6 +217,7 @@ class Spending(RulesBackend):
         return super().complete(messages, schema, seed=seed)
 
 
+@pytest.mark.slow
 def test_a_spent_allowance_stops_cleanly_and_resumably(run_toy: RunToy, tmp_path: Path) -> None:
     whole = fingerprint(run_toy(tmp_path / "whole"))
     assert run_toy(tmp_path / "spent", backend=Spending(3)).status == "budget-spent"
@@ -235,6 +238,7 @@ def test_the_candidate_in_the_journal_must_be_the_one_proposed(run_toy: RunToy, 
         run_toy(tmp_path, rounds=2)
 
 
+@pytest.mark.slow
 def test_memory_and_structured_feedback_help_the_rules_backend(run_toy: RunToy, tmp_path: Path) -> None:
     best = {
         name: run_toy(tmp_path / name, scaffold=toy_scaffold(name), rounds=12).lowest.objective

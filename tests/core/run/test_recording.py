@@ -50,6 +50,7 @@ def found(result: RunResult) -> list[object]:
     return [*trials, result.status, result.best.index, result.llm_calls - result.lost_calls]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scaffold", ["full", "hybrid"])
 def test_a_flaky_model_finds_what_a_steady_one_finds(run_toy: RunToy, tmp_path: Path, scaffold: str) -> None:
     whole = run_toy(tmp_path / "steady", scaffold=toy_scaffold(scaffold))
@@ -62,6 +63,7 @@ def test_a_flaky_model_finds_what_a_steady_one_finds(run_toy: RunToy, tmp_path: 
     assert found(flaky) == found(whole)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scaffold", "answered"), [("full", 0), ("full", 1), ("full", 3), ("hybrid", 0)])
 def test_an_outage_stops_the_run_and_is_no_result(
     run_toy: RunToy, tmp_path: Path, scaffold: str, answered: int
@@ -142,6 +144,7 @@ def test_a_model_that_refuses_every_prompt_is_no_result_either(run_toy: RunToy, 
     assert again.calls == 1
 
 
+@pytest.mark.slow
 def test_an_interrupt_while_waiting_leaves_a_run_that_goes_on(
     run_toy: RunToy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -141,6 +141,7 @@ def test_cccv_cycles_are_cut_where_they_were_made(spacing, noise, charge, rate, 
         assert abs(cut.time[step.start] - made) <= 2 * spacing + slack
 
 
+@pytest.mark.slow
 @relaxed
 @given(spacing=st.sampled_from([0.1, 1.0, 2.0, 5.0, 10.0]), noise=noises, seed=st.integers(0, 1000))
 def test_pulses_are_kept_apart(spacing, noise, seed):
@@ -169,6 +170,7 @@ def test_a_drive_cycle_is_one_step(spacing, noise, seed):
     assert cut.time[drive.stop - 1] - cut.time[drive.start] > 0.8 * 3600
 
 
+@pytest.mark.slow
 @relaxed
 @given(seed=st.integers(0, 1000), noise=noises)
 def test_the_sampling_does_not_change_the_kinds(seed, noise):
@@ -274,6 +276,7 @@ def test_a_gap_does_not_turn_a_pulse_into_a_step():
     assert kinds(segment(Trajectory(time, current, 3.7 - 0.03 * current))) == [REST, PULSE, REST]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["drive", "cccv", "noise"])
 def test_the_time_grows_no_faster_than_the_record(shape):
     def seconds(hours: int) -> float:

@@ -25,9 +25,13 @@ def _elsewhere(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.fixture
-def toy(tmp_path):
-    return bsa.calibrate(toy_task(), settings={"simulator": "toy-cell"}, out=tmp_path / "toy", **SMALL)
+def calibrated(folder):
+    return bsa.calibrate(toy_task(), settings={"simulator": "toy-cell"}, out=folder, **SMALL)
+
+
+@pytest.fixture(scope="module")
+def toy(tmp_path_factory):
+    return calibrated(tmp_path_factory.mktemp("runs") / "toy")
 
 
 def test_options_and_their_defaults_are_those_of_the_command() -> None:
@@ -40,11 +44,11 @@ def test_options_and_their_defaults_are_those_of_the_command() -> None:
     assert options(bsa.calibrate, "data", "progress") == options(command, *said_otherwise)
 
 
-def test_a_task_is_calibrated_and_its_result_told(toy, tmp_path) -> None:
-    assert toy.folder == tmp_path / "toy"
+def test_a_task_is_calibrated_and_its_result_told(toy) -> None:
+    assert toy.folder.name == "toy"
     assert toy.report.is_file()
     assert set(toy.parameters) == set(toy_task().space.names)
-    assert toy.to_json() == json.loads((tmp_path / "toy" / "result.json").read_text())
+    assert toy.to_json() == json.loads((toy.folder / "result.json").read_text())
     assert toy.to_json()["best"]["parameters"] == toy.parameters
     assert toy.to_json()["status"] == toy.status
     lower, upper = toy.intervals[CAPACITY]
@@ -66,6 +70,7 @@ def test_a_notebook_shows_errors_parameters_intervals_curves_and_the_report(toy)
     assert "<script" not in page
 
 
+@pytest.mark.slow
 def test_a_name_from_a_file_is_no_markup_in_a_notebook(tmp_path) -> None:
     name = "<script>alert(1)</script>"
     hostile = bsa.calibrate(toy_task(name=name), settings={"simulator": "toy-cell"}, out=tmp_path / "x", **SMALL)
@@ -77,11 +82,13 @@ def test_what_is_no_cell_of_pybamm_has_no_parameter_values(toy) -> None:
         _ = toy.parameter_values
 
 
-def test_without_a_folder_runs_are_numbered_as_the_command_does(toy) -> None:
+@pytest.mark.slow
+def test_without_a_folder_runs_are_numbered_as_the_command_does() -> None:
     found = bsa.calibrate(toy_task(), settings={"simulator": "toy-cell"}, **SMALL)
     assert found.folder == Path("runs/toy-full-1")
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_says_how_it_goes_on_and_does(tmp_path, monkeypatch, capsys) -> None:
     def stop(self, *arguments):
         raise KeyboardInterrupt
@@ -149,7 +156,9 @@ def test_five_lines_without_a_main_guard_give_ready_parameter_values(tmp_path) -
     assert np.isfinite(json.loads((tmp_path / "found" / "result.json").read_text())["wall_s"])
 
 
-def test_a_run_goes_on_with_more_simulations_and_refuses_less(toy) -> None:
+@pytest.mark.slow
+def test_a_run_goes_on_with_more_simulations_and_refuses_less(tmp_path) -> None:
+    toy = calibrated(tmp_path / "toy")
     assert toy.to_json()["status"] == "rounds-spent"
     more = bsa.calibrate(resume=toy.folder, simulations=16, rounds=12, progress=False)
     assert more.to_json()["simulations"] == 16

@@ -28,6 +28,7 @@ def with_one_more(monkeypatch):
         monkeypatch.setattr(module, "COLUMNS", (*COLUMNS, ADDED))
 
 
+@pytest.mark.slow
 def test_a_new_column_is_in_the_files_and_on_the_page(make_plan, with_one_more):
     plan = make_plan()
     rows, _ = run_campaign(plan, Here(), lambda plan, pool: Quiet())

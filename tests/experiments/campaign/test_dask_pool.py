@@ -92,6 +92,7 @@ def test_two_workers_five_times_killed_find_the_same(make_plan, cluster):
     once(rough)
 
 
+@pytest.mark.slow
 def test_no_scheduler_is_said_with_what_to_do(monkeypatch):
     monkeypatch.setattr("bsa.experiments.campaign.dask_pool._CONNECT_S", 1)
     with pytest.raises(BsaError, match="dask scheduler"):

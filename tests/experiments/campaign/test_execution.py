@@ -59,6 +59,7 @@ def test_finished_cells_are_not_run_again(make_plan):
     }
 
 
+@pytest.mark.slow
 def test_grids_share_cells(make_plan):
     run_here(make_plan(seeds=[1]))
     watcher = Quiet()
@@ -74,6 +75,7 @@ def test_a_cell_of_another_process_is_left_to_it(make_plan):
     assert carry_out(Order(cell, plan.store)).state == "done"
 
 
+@pytest.mark.slow
 def test_busy_cells_are_looked_at_again(make_plan):
     plan = make_plan()
     pool, busy = Here(), plan.cells[0].identity
@@ -211,6 +213,7 @@ def test_a_cell_that_is_run_again_costs_what_its_last_end_says(make_plan):
     assert set(run_here(plan, pool, allowance=Allowance(max_tokens=1000))) == {first, second}
 
 
+@pytest.mark.slow
 def test_worker_processes_find_the_same_as_this_one(make_plan):
     here, there = make_plan(store="here"), make_plan(store="there")
     run_here(here)
@@ -222,6 +225,7 @@ def test_worker_processes_find_the_same_as_this_one(make_plan):
     assert not multiprocessing.active_children()
 
 
+@pytest.mark.slow
 def test_killed_workers_are_replaced_and_their_cells_resumed(make_plan):
     calm, rough = (
         make_plan(store="calm", rounds=12, simulations=15),

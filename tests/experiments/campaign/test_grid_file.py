@@ -85,6 +85,7 @@ def test_shipped_grids_expand(name, tmp_path, monkeypatch):
     assert not list(tmp_path.rglob("*.json"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", shipped_names())
 def test_shipped_grids_stop_nobody_early(name, tmp_path):
     """Patience never ends a run, and methods of one task may spend alike."""
@@ -152,6 +153,7 @@ def test_an_exclusion_by_name_or_pattern_leaves_cells_out(make_plan):
     assert len(make_plan(exclude=exclude, reference="no-memory").cells) == 3
 
 
+@pytest.mark.slow
 def test_samplers_of_a_grid_spend_their_whole_budget(make_plan):
     plan = make_plan(tasks=1, scaffolds=["random", "cma-es", "de"], rounds=2, simulations=30)
     rows, _ = run_campaign(plan, Here(), lambda plan, pool: Quiet())

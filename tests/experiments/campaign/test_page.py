@@ -43,6 +43,7 @@ def block(html: str, name: str):
     return json.loads(re.search(rf'<script type="application/json" id="{name}">(.*?)</script>', html, re.S)[1])
 
 
+@pytest.mark.slow
 def test_every_cell_and_its_rounds_are_on_the_page(finished):
     path = build_page("toys", finished.store.root)
     html = path.read_text()
@@ -57,6 +58,7 @@ def test_every_cell_and_its_rounds_are_on_the_page(finished):
     assert "What &lt;b&gt;is&lt;/b&gt; it worth?" in html
 
 
+@pytest.mark.slow
 def test_a_simulation_without_an_objective_has_no_place_on_the_line(finished):
     """A reduced task, and a simulation with nothing to compare, ran to their ends and have no errors."""
     identity = finished.cells[0].identity
@@ -70,6 +72,7 @@ def test_a_simulation_without_an_objective_has_no_place_on_the_line(finished):
     assert [value is None for value in trace] == [False] * 3 + [True] * 2
 
 
+@pytest.mark.slow
 def test_the_page_asks_for_nothing(finished):
     html = build_page("toys", finished.store.root).read_text()
     assert not re.findall(r'(?:src|href)="(?!#)[^"]*"', re.sub(r'xmlns(:\w+)?="[^"]*"', "", html))
@@ -79,6 +82,7 @@ def test_the_page_asks_for_nothing(finished):
     assert len(identifiers) == len(set(identifiers))
 
 
+@pytest.mark.slow
 def test_reports_are_built_on_demand_and_linked(finished):
     first = block(build_page("toys", finished.store.root).read_text(), "runs")
     assert not any("report" in told for told in first.values())
@@ -87,6 +91,7 @@ def test_reports_are_built_on_demand_and_linked(finished):
         assert (path.parent / told["report"]).is_file()
 
 
+@pytest.mark.slow
 def test_large_grids_link_instead_of_embedding(finished, monkeypatch):
     monkeypatch.setattr(page, "MOST_RUNS", 2)
     html = build_page("toys", finished.store.root, full=True).read_text()
@@ -109,6 +114,7 @@ def hostile(finished) -> str:
     return identity
 
 
+@pytest.mark.slow
 def test_what_a_model_said_cannot_leave_its_place(finished):
     identity = hostile(finished)
     html = build_page("toys", finished.store.root).read_text()

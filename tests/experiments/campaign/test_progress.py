@@ -48,6 +48,7 @@ def test_a_live_table(make_plan, capsys):
     assert "full · rules" in shown
 
 
+@pytest.mark.slow
 def test_a_cell_of_another_process_is_not_running_here(make_plan):
     plan = make_plan()
     pool, busy = Here(), plan.cells[0].identity

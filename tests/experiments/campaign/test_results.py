@@ -41,6 +41,7 @@ def test_one_row_a_cell_in_csv_and_parquet(finished):
     assert isinstance(table[0]["seed"], int)
 
 
+@pytest.mark.slow
 def test_tables_and_figures_are_written(finished):
     written = {path.name: path for path in tables("toys", finished.store.root)}
     assert {"cells.csv", "tables.md", "tables.tex", "by-mode.svg", "convergence.svg", "effort.svg"} <= set(written)

@@ -70,6 +70,7 @@ def test_a_word_that_is_no_cluster_is_refused_before_tasks_are_made(call, word, 
     assert not Path("results").exists()
 
 
+@pytest.mark.slow
 def test_run_report_and_tables(call):
     shown = call("grid", "toys.yaml", "--workers", "1")
     assert "2 of 2 cells done (0 were already), 0 failed" in shown.stderr
@@ -88,6 +89,7 @@ def test_run_report_and_tables(call):
         call("report", str(cell), "--store", "elsewhere")
 
 
+@pytest.mark.slow
 def test_what_fails_is_said_and_ends_in_an_error(call):
     shown = call("grid", "toys.yaml", "--workers", "1", "--set", "backends=[rules, 'openai:nothing']", code=1)
     assert "2 failed" in shown.stderr

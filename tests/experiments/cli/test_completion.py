@@ -12,6 +12,7 @@ from bsa.plugins.pybamm.cells import parameter_sets
 BSA = "import sys; sys.argv[0] = 'bsa'; from bsa.experiments.cli.main import main; main()"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("typed", "offered"),
     [
@@ -40,6 +41,7 @@ def test_names_are_those_that_the_commands_know() -> None:
     assert "self-heating" in completion.effects()
 
 
+@pytest.mark.slow
 def test_nothing_heavy_is_imported_to_complete() -> None:
     names = "tasks scaffolds grids backends readers effects current_signs parameter_sets search_presets"
     code = (

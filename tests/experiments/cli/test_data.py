@@ -81,6 +81,7 @@ def test_the_first_line_says_that_a_part_is_left_out(folder):
     assert said("a.csv").startswith("a.csv\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["a.csv", "z.csv"])
 @pytest.mark.parametrize("suffix", ["png", "svg"])
 def test_a_picture(folder, name, suffix):
@@ -145,6 +146,7 @@ def test_nothing_is_written_into_a_folder_that_is_read(folder, arguments):
     assert [file.name for file in (folder / "cell").iterdir()] == ["a.csv"]
 
 
+@pytest.mark.slow
 def test_an_earlier_export_is_replaced_and_another_file_is_not(folder):
     said("a.csv", "--export", "bdf", "--out", "out.csv", "--plot", "out.png")
     (folder / "out.csv").write_text("Test Time / s,older")

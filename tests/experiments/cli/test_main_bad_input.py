@@ -163,6 +163,7 @@ TASKS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("old", "new", "words"), TASKS, ids=lambda value: str(value)[:40])
 def test_a_broken_task_file(
     old: str,

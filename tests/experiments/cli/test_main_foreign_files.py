@@ -117,6 +117,7 @@ def test_a_grid_of_another_making(refused: Call) -> None:
     assert "not a campaign" in refused("grid", "toys.yaml")
 
 
+@pytest.mark.slow
 def test_pages_and_tables_of_another_making(
     refused: Call, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -64,6 +64,7 @@ def test_a_server_that_is_not_there_is_told_before_any_simulation(tmp_path: Path
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("as_json", [False, True])
 def test_a_run_without_a_server_is_no_result(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], as_json: bool, gone_after_a_look: str

@@ -26,6 +26,7 @@ def run(folder: Path, listener: LiveProgress | PlainProgress, scaffold: str = "l
 PURPOSES = ("final scores", "what the record fixes", "what to measure next")
 
 
+@pytest.mark.slow
 def test_simulations_after_the_search_are_counted_line_by_line_where_they_take_long(tmp_path: Path) -> None:
     stream, clock = io.StringIO(), itertools.count(0, 20.0)
     run(tmp_path / "run", PlainProgress("%", stream, clock=lambda: next(clock)))
@@ -39,6 +40,7 @@ def test_simulations_after_the_search_are_counted_line_by_line_where_they_take_l
             assert batch == [f"{purpose}: {done} of {total} simulations" for done in range(total + 1)]
 
 
+@pytest.mark.slow
 def test_quick_simulations_after_the_search_have_one_line_for_what_they_are_for(tmp_path: Path) -> None:
     stream = io.StringIO()
     run(tmp_path / "run", PlainProgress("%", stream, clock=lambda: 0.0))
@@ -46,6 +48,7 @@ def test_quick_simulations_after_the_search_have_one_line_for_what_they_are_for(
     assert [sum(line.startswith(purpose) for line in lines) for purpose in PURPOSES] == [1, 1, 1]
 
 
+@pytest.mark.slow
 def test_the_panel_counts_them_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     live = LiveProgress("title", "%", 60)
     shown: list[str] = []

@@ -75,6 +75,7 @@ def test_an_analysis_that_its_budget_ended_says_what_was_dropped() -> None:
     assert longer in next_line(replace(ended, widened=1.0), CELL)
 
 
+@pytest.mark.slow
 def test_a_spent_run_says_how_it_goes_on_and_that_command_does(run_toy, tmp_path, capsys) -> None:
     from bsa.experiments.cli.main import app
     from typer.testing import CliRunner
@@ -96,6 +97,7 @@ def test_a_spent_run_says_how_it_goes_on_and_that_command_does(run_toy, tmp_path
     assert json.loads(looked.stdout)["identifiability"]["budget"] == 12
 
 
+@pytest.mark.slow
 def test_a_run_that_its_rounds_ended_is_advised_more_of_them(tmp_path, capsys) -> None:
     config = RunConfig(scaffold=toy_scaffold(), backend="rules", simulations=30, warm_up=2, rounds=2)
     _execute(RunRequest(toy_task(), config, tmp_path / "run"), Resources(), False, True)

@@ -75,6 +75,7 @@ def discharges(tmp_path: Path) -> list[str]:
 COLUMNS = ["--column", "time=1", "--column", "voltage=2"]
 
 
+@pytest.mark.slow
 def test_each_file_has_the_current_and_the_temperature_in_its_place(discharges: list[str], monkeypatch, tmp_path):
     asked = []
     monkeypatch.setattr("bsa.experiments.run.execute_run", lambda task, *others, **more: asked.append(task))

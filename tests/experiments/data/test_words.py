@@ -19,6 +19,7 @@ def record(cycles: int = 1, interval: float = 30.0) -> Record:
     return Record("cell.csv", segment(Trajectory(time, current, 4.1 - 0.1 * drawn - 0.05 * current)), ("word " * 50,))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cycles", [1, 3, 400])
 def test_a_record_fits_eighty_columns_and_a_page(cycles):
     lines = list(record_lines(summary(record(cycles))))

@@ -107,6 +107,7 @@ def test_short_cases_hide_every_effect_in_turn():
     assert strengths[22:] != strengths[:22]
 
 
+@pytest.mark.slow
 def test_six_cycles_sampled_once_a_minute_do_not_drift():
     hidden = Hidden("Mohtat2020", "SPMe", noise_v=0.0)
     record, exact = measure(hidden, [Step(0.0, 300.0), *CYCLE * 6], 0.9, 298.15, np.random.default_rng(0))
@@ -120,6 +121,7 @@ def test_six_cycles_sampled_once_a_minute_do_not_drift():
     assert np.median(error[last]) < 1.5e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("parameter_set", ["Chen2020", "OKane2022"])
 def test_what_is_hidden_is_not_the_mesh(parameter_set: str):
     rates = [0.0] * 5 + [2.4] * 10 + [0.0] * 10 + [-0.6] * 10 + [1.6] * 10 + [0.4] * 15
@@ -161,6 +163,7 @@ def test_the_catalogue_describes_the_hidden_cell(effect: HiddenEffect):
     assert error < (1e-3 if effect.records == "ageing" else limit)
 
 
+@pytest.mark.slow
 def test_cases_are_made_once_and_say_nothing(tmp_path, monkeypatch):
     short = [Step(0.0, 100.0), Step(1.0, 300.0), Step(0.0, 300.0)]
     monkeypatch.setattr("bsa.experiments.discovery_bench.making.protocol", lambda *drawn: short)
@@ -177,6 +180,7 @@ def test_cases_are_made_once_and_say_nothing(tmp_path, monkeypatch):
         make_cases(tmp_path / "blind", 4, seed=12)
 
 
+@pytest.mark.slow
 def test_a_cell_that_no_reader_would_take_is_drawn_again(tmp_path, monkeypatch):
     short = [Step(0.0, 100.0), Step(1.0, 300.0), Step(0.0, 300.0)]
     monkeypatch.setattr("bsa.experiments.discovery_bench.making.protocol", lambda *drawn: short)

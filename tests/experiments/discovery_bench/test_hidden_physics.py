@@ -6,6 +6,7 @@ import pytest
 from bsa.experiments.discovery_bench.hidden_physics import EFFECTS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("parameter_set", ["Chen2020", "ORegan2022"])
 def test_hidden_clogging_has_the_salt_gradient_of_narrow_pores(
     parameter_set: str, monkeypatch: pytest.MonkeyPatch

@@ -55,6 +55,7 @@ async def refused(client: Client, tool: str, **arguments: Any) -> str:
     return str(result.content[0].text)  # type: ignore[union-attr]
 
 
+@pytest.mark.slow
 def test_tools_are_described_and_mistakes_are_told_with_a_hint(use: Use, tmp_path: Path) -> None:
     (tmp_path / "cell.csv").write_bytes((PACKAGED / "demo.csv").read_bytes())
     (tmp_path / "cell.yaml").write_text("name: x")

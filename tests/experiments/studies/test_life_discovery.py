@@ -17,6 +17,7 @@ def test_every_hidden_mechanism_has_a_name_of_the_catalogue() -> None:
     assert {hidden.name for hidden in HIDDEN.values()} <= {effect.name for effect in EFFECTS if effect.ages}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", HIDDEN)
 def test_a_hidden_life_is_cycled_between_its_limits(case: str, tmp_path: Path) -> None:
     make(HIDDEN[case], tmp_path / "life.csv", 0, 3)

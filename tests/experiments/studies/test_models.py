@@ -60,6 +60,7 @@ def test_a_report_is_ranked_with_names_and_without_and_not_asked_again(tmp_path:
     assert ranking_cell(REPORT, RULES, 8).identity != cell.identity
 
 
+@pytest.mark.slow
 def test_an_outage_is_no_result(tmp_path: Path) -> None:
     nobody = BackendChoice(use="manual", options={"exchange": str(tmp_path / "x"), "timeout_s": 0.1})
     report = carry_out(Order(ranking_cell(REPORT, nobody, 7), Store(tmp_path / "store")))
@@ -86,6 +87,7 @@ def test_reports_are_those_of_single_effects_that_leave_something(tmp_path: Path
         read_reports(tmp_path / "other.json")
 
 
+@pytest.mark.slow
 def test_a_card_sets_a_backend_beside_rules_and_hybrid(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     cases = {"regular-1": SuiteCase("regular", 1, "Chen2020", 1.0, 1.0, HIDDEN)}
     monkeypatch.setattr(task_sources, "load_suite", lambda *arguments, **keywords: cases)

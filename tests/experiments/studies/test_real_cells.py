@@ -79,6 +79,7 @@ def test_a_table_keeps_the_rows_of_the_cells_that_were_not_run(tmp_path: Path) -
         assert [(entry["cell"], entry["rms_mv"]) for entry in csv.DictReader(file)] == [(first, "4.0"), (second, "3.0")]
 
 
+@pytest.mark.slow
 def test_every_record_gives_a_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(real_cells, "cells", lambda study: (cell("demo", "demo.csv"),))
     (wanted,) = chosen([])
@@ -88,6 +89,7 @@ def test_every_record_gives_a_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert (tmp_path / "run" / "report.html").is_file()
 
 
+@pytest.mark.slow
 def test_a_cell_whose_steps_are_simulated_gives_the_papers_errors(tmp_path: Path) -> None:
     wanted = cell("demo", "demo.csv")
     simulated = wanted.model_copy(

@@ -64,6 +64,7 @@ def ran(grid, folder: Path):
     return rows, plan
 
 
+@pytest.mark.slow
 def test_the_suite_has_its_tables_with_the_papers_rows(tmp_path: Path) -> None:
     grid = study_grid("suite", ALL, scaffolds("default", "random", "cma-es"), RULES, 12, paper_rows=True)
     rows, plan = ran(grid, tmp_path)
@@ -102,6 +103,7 @@ def test_what_is_compared_has_its_whole_budget_and_a_fifth_of_it_for_the_warm_up
     assert (config.rounds, config.simulations, config.patience, config.warm_up) == (25, 25, 25, 5)
 
 
+@pytest.mark.slow
 def test_rounds_add_up_and_the_clock_is_read(tmp_path: Path) -> None:
     rows, plan = ran(study_grid("runtime", ALL, scaffolds("full", "cma-es"), RULES, 17), tmp_path)
     out = tmp_path / "out"
@@ -128,6 +130,7 @@ def test_a_cell_that_was_taken_up_again_has_no_rounds_to_time(tmp_path: Path) ->
     assert row["simulator_s"] > 0
 
 
+@pytest.mark.slow
 def test_warm_up_study(tmp_path: Path) -> None:
     both = [with_warm_up(toy_scaffold("full"), strategy) for strategy in STRATEGIES]
     rows, plan = ran(study_grid("warmup", ALL, both, RULES, 15), tmp_path)
@@ -137,6 +140,7 @@ def test_warm_up_study(tmp_path: Path) -> None:
     assert "| proposed-warm-up |" in (tmp_path / "out" / "warmup.md").read_text()
 
 
+@pytest.mark.slow
 def test_recovery_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def reference(cell: object, experiment: object, candidate: dict[str, float]) -> ExperimentRun:
         return ExperimentRun(record(candidate))
@@ -171,6 +175,7 @@ def _trial(like: Trial, index: int, mape: float | None, series: float) -> Trial:
     return replace(like, index=index, candidate={**HIDDEN, SERIES: series}, metrics=metrics)
 
 
+@pytest.mark.slow
 def test_bad_advice_does_no_harm(tmp_path: Path) -> None:
     grid = no_harm_grid(ALL, 12, alone=toy_scaffold("least-squares"), advised=toy_scaffold("hybrid"))
     rows, plan = ran(grid, tmp_path)

@@ -28,6 +28,7 @@ def task(search, model: str = "SPM", **settings) -> Task:
     return build_task("t", CellRequest("Chen2020", model, search=search, **settings), [RecordRequest(RECORD)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("protocol", [None, (("Discharge at 1C until 2.6 V",),)])
 def test_a_preset_leaves_out_what_the_model_does_not_depend_on_and_says_so_once(protocol) -> None:
     built = build_task(

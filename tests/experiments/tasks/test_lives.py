@@ -111,6 +111,7 @@ def test_what_is_no_life_is_refused() -> None:
         task_of(life(2), life=True)
 
 
+@pytest.mark.slow
 def test_many_cycles_that_are_no_life_are_named() -> None:
     def told(count: int) -> bool:
         return any("--life" in note and f"all {count} cycles" in note for note in task_of(life(count)).notes)
@@ -130,6 +131,7 @@ def test_a_task_file_divides_a_recognised_life_alone() -> None:
 CALCE = Path(__file__).parents[4] / "shared" / "data" / "calce_cs2" / "CS2_35_all.csv.gz"
 
 
+@pytest.mark.slow
 @pytest.mark.real_data
 @pytest.mark.skipif(not CALCE.is_file(), reason="the measured cells are not beside this checkout")
 def test_a_measured_life_is_read() -> None:

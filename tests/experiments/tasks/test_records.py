@@ -89,6 +89,7 @@ def warming(kelvin: float) -> Record:
     return replace(found, trajectory=found.trajectory.changed(temperature=298.15 + rise), ambient_k=298.15)
 
 
+@pytest.mark.slow
 def test_a_cell_that_warms_has_a_thermal_model_whose_temperature_is_fitted() -> None:
     warm = task_of(warming(12.0), search="cell")
     assert warm.cell.options["thermal"] == "lumped"
@@ -108,6 +109,7 @@ def test_a_cell_that_warms_has_a_thermal_model_whose_temperature_is_fitted() -> 
     assert [len(both.observed_in(experiment.target)) for experiment in both.experiments] == [2, 1]
 
 
+@pytest.mark.slow
 def test_transport_depends_on_the_temperature_where_the_temperatures_differ_and_nothing_was_said_of_it() -> None:
     energy, name = "Negative particle diffusivity activation energy [J.mol-1]", "Negative particle diffusivity [m2.s-1]"
     rooms = [replace(slow(key), ambient_k=kelvin) for key, kelvin in (("a", 283.15), ("b", 298.15))]
@@ -128,6 +130,7 @@ def test_transport_depends_on_the_temperature_where_the_temperatures_differ_and_
     assert any("may be predicted to end too early" in note for note in own.notes)
 
 
+@pytest.mark.slow
 def test_activation_energies_are_searched_where_the_fitted_records_tell_them() -> None:
     rate = "Negative particle diffusivity"
     name = f"{rate} additional activation energy [J.mol-1]"
@@ -144,6 +147,7 @@ def test_activation_energies_are_searched_where_the_fitted_records_tell_them() -
     assert [one for one in fixed.names if "additional" in one and rate in one] == []
 
 
+@pytest.mark.slow
 def test_an_ideal_electrolyte_is_replaced_by_a_measured_one_where_its_factor_is_searched() -> None:
     name = "Thermodynamic factor"
     started = build_task("t", CellRequest("Chen2020", search="cell"), [RecordRequest(record())])
@@ -172,6 +176,7 @@ def test_a_cell_that_stays_cold_or_is_said_to_be_isothermal_has_no_thermal_model
         assert "Cell volume [m3]" not in task.space
 
 
+@pytest.mark.slow
 def test_a_fast_cell_whose_temperature_was_not_measured_has_a_thermal_model_that_is_compared_by_its_voltage() -> None:
     task = task_of(record(rest=False, amperes=8.0), search="cell")
     assert task.cell.options["thermal"] == "lumped"
@@ -234,6 +239,7 @@ def test_a_written_start_widens_the_bounds_of_a_preset() -> None:
     assert (space[RESISTANCE].initial, space[RESISTANCE].upper) == (0.5, 0.5)
 
 
+@pytest.mark.slow
 def test_a_value_that_is_known_better_is_not_searched_by_a_preset() -> None:
     task = task_of(record(), overrides={RESISTANCE: 0.1265}, search="cell")
     assert RESISTANCE not in task.space
@@ -241,6 +247,7 @@ def test_a_value_that_is_known_better_is_not_searched_by_a_preset() -> None:
     assert SOC in task.space
 
 
+@pytest.mark.slow
 def test_a_voltage_under_load_is_no_open_circuit_voltage() -> None:
     at_rest, loaded = (task_of(record(rest=rest), search="cell") for rest in (True, False))
     assert at_rest.experiments[0].initial_soc == pytest.approx(loaded.experiments[0].initial_soc, abs=0.3)
@@ -256,6 +263,7 @@ def test_a_voltage_under_load_is_no_open_circuit_voltage() -> None:
     assert asked.experiments[0].initial_soc == asked.space[SOC].initial == 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kelvin", "shown"), [(290.0, True), (313.15, False)])
 def test_a_voltage_under_load_is_corrected_by_what_a_record_at_its_temperature_shows(
     kelvin: float, shown: bool
@@ -277,6 +285,7 @@ def test_charge_that_drifts_over_cycles_does_not_make_a_larger_cell() -> None:
     assert twice.cell.overrides[WIDTH] == pytest.approx(1.58 * full / 5.15, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_cold_record_starts_where_the_cold_cell_shows_its_first_voltage() -> None:
     cold = replace(record(), ambient_k=273.15)
     task = build_task("t", CellRequest("Mohtat2020", "SPM"), [RecordRequest(cold)])
@@ -286,6 +295,7 @@ def test_a_cold_record_starts_where_the_cold_cell_shows_its_first_voltage() -> N
     assert start == pytest.approx(InitialState(values).soc_at(4.1), abs=5e-4)
 
 
+@pytest.mark.slow
 def test_an_option_of_a_person_is_kept() -> None:
     assert task_of(record(), options={"contact resistance": True}).cell.options[CONTACT] == "true"
     off = task_of(record(), options={"Contact resistance": False})
@@ -316,6 +326,7 @@ def test_the_potentials_of_another_set_are_offered_and_taken_where_that_is_asked
     assert not any("--ocp" in note for note in taken.notes)
 
 
+@pytest.mark.slow
 def test_the_nearest_set_is_that_of_the_positive_electrode() -> None:
     task = build_task("t", CellRequest("nearest", "SPM"), [RecordRequest(slow_discharge())])
     assert str(task.cell.parameter_set) == "Ecker2015 with the potentials of Ecker2015"
@@ -346,6 +357,7 @@ def test_nothing_is_said_of_potentials_that_are_near_or_where_every_record_is_fa
     assert not any("open-circuit potentials" in note for note in own.notes)
 
 
+@pytest.mark.slow
 def test_effects_are_part_of_the_model_and_their_parameters_are_searched() -> None:
     task = task_of(record(), effects=["ocp-hysteresis"])
     assert task.cell.effects == ("ocp-hysteresis",)
@@ -354,6 +366,7 @@ def test_effects_are_part_of_the_model_and_their_parameters_are_searched() -> No
         task_of(record(), effects=["hysteresis"])
 
 
+@pytest.mark.slow
 def test_an_effect_on_the_measured_current_is_refused_where_a_protocol_is_simulated() -> None:
     told = RecordRequest(record(), protocol=(("Discharge at 5 A for 10 minutes",),), initial_soc=0.9)
     with pytest.raises(BsaError, match="acts on the measured current"):

@@ -102,6 +102,7 @@ def test_a_json_file_may_hold_an_encoded_task(folder: Path) -> None:
         assert encode_task(find_task("task.json")) == encode_task(task)
 
 
+@pytest.mark.slow
 def test_a_task_file_is_calibrated_by_the_command(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -99,6 +99,7 @@ def fitted(files, tmp_path_factory, simulated_here):
     )
 
 
+@pytest.mark.slow
 def test_known_parameters_come_back_from_a_spectrum(fitted) -> None:
     assert fitted.parameters[CONTACT] == pytest.approx(OHM, rel=0.02)
     assert fitted.parameters[EXCHANGE] == pytest.approx(FACTOR, rel=0.02)
@@ -115,6 +116,7 @@ def test_known_parameters_come_back_from_a_spectrum(fitted) -> None:
     assert any("are inductive and left out" in note for note in read_run(fitted.folder).task.notes)
 
 
+@pytest.mark.slow
 def test_reports_draw_spectra_and_tell_errors_in_milliohm(fitted) -> None:
     page = (fitted.folder / "report.html").read_text()
     assert page.count("Re Z / mohm") == 2
@@ -123,6 +125,7 @@ def test_reports_draw_spectra_and_tell_errors_in_milliohm(fitted) -> None:
     assert "mV" not in row
 
 
+@pytest.mark.slow
 def test_a_run_that_stopped_goes_on(files, fitted, tmp_path) -> None:
     out = tmp_path / "run"
     settings = SETTINGS | {"scaffold": "least-squares", "simulations": 6, "identifiability": False, "out": out}
@@ -138,6 +141,7 @@ def test_a_run_that_stopped_goes_on(files, fitted, tmp_path) -> None:
     assert read_run(out).task.experiments[0].is_spectrum
 
 
+@pytest.mark.slow
 def test_the_exported_script_has_the_spectrum(fitted, capsys) -> None:
     source = (fitted.folder / "best_parameters.py").read_text()
     space: dict = {"__name__": "exported"}
@@ -154,6 +158,7 @@ def task_of(*data, held_out=(), search="cell", **cell):
     return task_of_records(Records(list(data), list(held_out)), CellChoice("Chen2020", "SPMe", search=search, **cell))
 
 
+@pytest.mark.slow
 def test_a_spectrum_beside_the_voltage_brings_the_double_layers_into_the_search(files) -> None:
     alone = task_of(files["discharge"], held_out=[files["half"]])
     both = task_of(files["discharge"], files["half"])
@@ -191,6 +196,7 @@ def test_a_staged_fit_of_both_finds_the_known_cell(files, tmp_path) -> None:
     assert errors["half.csv"]["reactance"]["unit"] == "mohm"
 
 
+@pytest.mark.slow
 def test_a_state_of_charge_must_be_known(files, tmp_path, monkeypatch, capsys) -> None:
     with pytest.raises(BsaError, match=r"unknown\.csv has no voltage"):
         task_of(files["unknown"])

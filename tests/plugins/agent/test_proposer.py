@@ -74,6 +74,7 @@ def test_free_questions_are_answered_in_the_same_round(run_toy: RunToy, tmp_path
     assert "## Suggested change" in backend.prompts[2][-1].text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scaffold", "pictures"), [("vision", 1), ("full", 0)])
 def test_a_look_has_a_picture_where_the_feedback_has(
     run_toy: RunToy, tmp_path: Path, scaffold: str, pictures: int
@@ -131,6 +132,7 @@ def test_a_scaffold_leaves_out_what_its_name_says(
     assert not [word for word in absent if word not in text]
 
 
+@pytest.mark.slow
 def test_the_vision_scaffold_explains_its_pictures(run_toy: RunToy, tmp_path: Path) -> None:
     backend = Scripted(SET)
     scaffold = without_warm_up("vision")

@@ -120,6 +120,7 @@ def test_effects_that_contradict_each_other_are_refused():
         augmented_cell(CellModel("Chen2020"), (asks("one", "linear"), asks("other", "Marcus")))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("parameter_set", ["Chen2020", "ORegan2022"])
 def test_clogged_pores_are_those_of_a_lower_porosity(parameter_set, monkeypatch):
     share, seconds = 0.85, np.array([1.0, 60.0, 300.0])
@@ -244,6 +245,7 @@ def test_the_slow_share_and_the_rest_together_hold_the_lithium(monkeypatch):
     assert share * slow + (1 - share) * (mean + change) == pytest.approx(mean, abs=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kelvin", [278.15, 298.15, 318.15])
 def test_marcus_kinetics_without_a_reorganisation_are_the_base_models_at_any_temperature(kelvin):
     driven = record()

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from bsa.core.segmentation import segment
 from bsa.core.task import CellModel
 from bsa.core.trajectory import StepKind, Trajectory
@@ -6,6 +7,7 @@ from bsa.plugins.effects.electrical import double_layer_capacitance
 from bsa.plugins.pybamm.solving.driven_cell import DrivenCell
 
 
+@pytest.mark.slow
 def test_a_double_layer_of_no_capacitance_can_be_simulated_behind_a_drive():
     levels = np.repeat(np.random.default_rng(0).choice([0.0, 0.2, 0.45, 0.8, 1.2, -0.3], 10), 10)
     drive = np.convolve(np.append(levels, [0.0, 0.0]), np.ones(3) / 3, mode="valid")

@@ -69,17 +69,20 @@ def at_truth(task: Task) -> Task:
     return replace(task, space=ParameterSpace(moved))
 
 
+@pytest.mark.slow
 def test_a_fit_that_ends_above_the_noise_says_why(run_toy: RunToy, tmp_path: Path) -> None:
     run_toy(scaffold=toy_scaffold("least-squares"), simulations=80, warm_up=0, task=noisy_task(1e-4, 2e-3))
     assert "this misfit leaves uncertain" in last_words(tmp_path / "run")
 
 
+@pytest.mark.slow
 def test_every_simulation_counts_and_the_budget_is_kept(run_toy: RunToy, tmp_path: Path) -> None:
     for budget in (1, 2, 4, 5, 6, 9):
         result = run_toy(tmp_path / str(budget), scaffold=toy_scaffold("least-squares"), simulations=budget, rounds=80)
         assert len(result.trials) <= budget
 
 
+@pytest.mark.slow
 def test_the_path_does_not_depend_on_where_the_run_was_cut(run_toy: RunToy, tmp_path: Path) -> None:
     scaffold = toy_scaffold("least-squares")
     whole = run_toy(tmp_path / "whole", scaffold=scaffold)

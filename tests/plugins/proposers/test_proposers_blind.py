@@ -46,6 +46,7 @@ def test_budget_bounds_and_progress(name: str, run_toy: RunToy) -> None:
     assert result.lowest.objective < result.trials[0].objective
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FAST + SLOW)
 def test_same_seed_same_candidates_other_seed_others(name: str, run_toy: RunToy, tmp_path: Path) -> None:
     def run(folder: str, seed: int) -> list[dict[str, float]]:
@@ -58,6 +59,7 @@ def test_same_seed_same_candidates_other_seed_others(name: str, run_toy: RunToy,
     assert run("c", 2) != first
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FAST + SLOW)
 def test_resumes_exactly_after_any_trial(name: str, run_toy: RunToy, tmp_path: Path) -> None:
     settings = {"rounds": 40, "simulations": simulations(name, 13), **BUDGET}
@@ -81,6 +83,7 @@ def test_failed_simulations_steer_and_never_stop(name: str, run_toy: RunToy) -> 
     assert result.best.candidate[SERIES] <= 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("broken", [False, True])
 @pytest.mark.parametrize("name", FAST + SLOW)
 def test_simulations_alone_end_a_sampler(name: str, broken: bool, run_toy: RunToy) -> None:
@@ -94,12 +97,14 @@ def test_simulations_alone_end_a_sampler(name: str, broken: bool, run_toy: RunTo
     assert any(trial.ok for trial in result.trials) != broken
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cma-es", "de"])
 def test_populations_converge(name: str, run_toy: RunToy) -> None:
     result = run_toy(scaffold=toy_scaffold(name), rounds=60, simulations=200, **BUDGET)
     assert result.lowest.objective < 0.1 * result.trials[0].objective
 
 
+@pytest.mark.slow
 def test_cma_population_is_the_papers(run_toy: RunToy) -> None:
     result = run_toy(scaffold=toy_scaffold("cma-es"), simulations=50, **BUDGET)
     assert {trial.round for trial in result.trials if trial.index in range(1, 6)} == {1}

@@ -101,6 +101,7 @@ def test_a_stage_moves_its_own_parameters_only(run_toy: RunToy, tmp_path: Path) 
     assert result.best.candidate[POLARISATION] != start[POLARISATION]
 
 
+@pytest.mark.slow
 def test_stages_can_be_repeated_and_left_out(run_toy: RunToy, tmp_path: Path) -> None:
     run_toy(tmp_path / "run", scaffold=staged(order=["all", "ohmic", "all"]), simulations=100)
     assert stages_of(tmp_path / "run") == ["all", "ohmic"]
@@ -128,6 +129,7 @@ def test_a_stage_that_lacks_simulations_is_named_with_how_many_would_do(run_toy:
     assert enough.reason == ""
 
 
+@pytest.mark.slow
 def test_a_run_that_was_cut_takes_the_same_path(run_toy: RunToy, tmp_path: Path) -> None:
     whole = run_toy(tmp_path / "whole", scaffold=staged(), simulations=40)
     lines = (tmp_path / "whole" / "journal.jsonl").read_bytes().splitlines(keepends=True)
@@ -249,6 +251,7 @@ def heated(volume: float, transfer: float) -> Record:
     return Record("heated", segment(Trajectory(time, *signals)), (), 298.15)
 
 
+@pytest.mark.slow
 def test_the_thermal_stage_finds_heat_capacity_and_cooling(tmp_path: Path) -> None:
     found = bsa.calibrate(
         heated(1.6, 3.0),

@@ -48,6 +48,7 @@ def added(task: Task, simulate) -> FloatArray:
     return np.asarray(with_it.voltage - without.voltage)
 
 
+@pytest.mark.slow
 def test_search_final_score_and_equilibrium_have_the_effect_alike(task: Task) -> None:
     (experiment,) = task.experiments
     searched = compiled(task.cell, experiment, task.space.targets)
@@ -68,6 +69,7 @@ def test_search_final_score_and_equilibrium_have_the_effect_alike(task: Task) ->
     assert np.max(np.abs(at_rest - by_search)[inner]) < 3e-4
 
 
+@pytest.mark.slow
 def test_the_script_has_the_effect(task: Task) -> None:
     candidate = {GAP: 0.02, DECAY: 50.0}
     made = namespace_of(script(task, candidate, effects_in(task.cell)), "script")

@@ -41,6 +41,7 @@ LEAF = st.one_of(
 VALUE = st.recursive(LEAF, lambda inner: st.dictionaries(st.text("abc", min_size=1, max_size=7), inner, max_size=4))
 
 
+@pytest.mark.slow
 @given(st.dictionaries(st.text("xyz", min_size=1, max_size=5), VALUE, max_size=4), st.integers(0, 3))
 @settings(max_examples=60, deadline=None)
 def test_what_stands_beside_it_does_not_hide_a_deep_struct(fields, cells):

@@ -254,6 +254,7 @@ def test_cycles_can_be_chosen(tmp_path):
 finite = st.floats(-8, 8, allow_subnormal=False)
 
 
+@pytest.mark.slow
 @settings(max_examples=50)
 @given(data=st.data(), n=st.integers(10, 60))
 def test_battery_data_format_makes_the_round_trip(tmp_path_factory, data, n):

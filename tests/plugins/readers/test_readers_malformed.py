@@ -256,6 +256,7 @@ def test_a_zip_bomb_is_not_unpacked(tmp_path, monkeypatch):
     assert "more than the limit" in refused(path).message
 
 
+@pytest.mark.slow
 def test_huge_files_are_refused(tmp_path, monkeypatch):
     path = tmp_path / "a.csv.gz"
     path.write_bytes(gzip.compress(text(rows(200_000))))
@@ -268,6 +269,7 @@ def test_huge_files_are_refused(tmp_path, monkeypatch):
     assert "has more than 1000 rows" in refused(path).message
 
 
+@pytest.mark.slow
 def test_flipped_bytes_never_give_a_traceback(tmp_path):
     rng = np.random.default_rng(0)
     good = text(rows())

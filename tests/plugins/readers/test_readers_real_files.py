@@ -55,6 +55,7 @@ FILES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FILES)
 def test_it_is_read_and_cut(name):
     options, kinds, discharged_ah = FILES[name]
@@ -65,6 +66,7 @@ def test_it_is_read_and_cut(name):
         assert piece.discharge_capacity[-1] == pytest.approx(discharged_ah, rel=0.01), step
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FILES)
 def test_the_wrong_sign_is_noticed(name):
     options, kinds, _ = FILES[name]
@@ -79,6 +81,7 @@ def test_the_wrong_sign_is_noticed(name):
         assert [step.kind for step in found.trajectory.steps] == kinds
 
 
+@pytest.mark.slow
 def test_fifty_cycles_of_one_workbook():
     trajectory = read_record(DATA / "calce_cs2/CS2_35_8_30_10.xlsx").trajectory
     assert trajectory.cycles == tuple(range(1, 51))
@@ -87,6 +90,7 @@ def test_fifty_cycles_of_one_workbook():
     assert np.all(np.diff(trajectory.time) >= 0)
 
 
+@pytest.mark.slow
 def test_every_discharge_of_a_life_has_the_same_steps():
     path = DATA / "nasa_pcoe/B0005_discharges.csv.gz"
     for test in ("1", "201", "613"):

@@ -92,6 +92,7 @@ def search(run_toy: RunToy, folder: Path, name: str, budget: int, hidden: dict[s
     return run_toy(folder, task=toy_task(hidden), scaffold=more.pop("scaffold", toy_scaffold(name)), **config, **more)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("who", BACKENDS)
 @pytest.mark.parametrize("budget", [12, 35])
 def test_no_backend_does_harm(run_toy: RunToy, tmp_path: Path, who: str, budget: int) -> None:
@@ -120,6 +121,7 @@ def hidden_cells(count: int) -> list[dict[str, float]]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("who", ["adversarial", "nonsense", "deaf"])
 def test_the_fit_asks_for_the_same_points_where_the_agent_finds_nothing(
     run_toy: RunToy, tmp_path: Path, who: str
@@ -133,6 +135,7 @@ def test_the_fit_asks_for_the_same_points_where_the_agent_finds_nothing(
     assert len(plain.trials) >= 0.8 * (places[-1] + 1)
 
 
+@pytest.mark.slow
 def test_rules_do_as_well_as_least_squares_alone(run_toy: RunToy, tmp_path: Path) -> None:
     for number, hidden in enumerate(hidden_cells(3)):
         plain = search(run_toy, tmp_path / f"plain-{number}", "least-squares", 30, hidden)
@@ -169,6 +172,7 @@ def test_an_agent_that_leads_can_go_on(run_toy: RunToy, tmp_path: Path) -> None:
     assert [event["details"]["authors"] for event in proposals[1:]] == [["fit", "agent"], ["fit", "agent"]]
 
 
+@pytest.mark.slow
 def test_a_good_idea_is_taken_up_once_the_fit_is_at_a_loss(run_toy: RunToy, tmp_path: Path) -> None:
     # Nothing simulates above 0.03 Ohm, and the rules of thumb do not know this cell's parameters.
     scaffold = Scaffold.model_validate(
@@ -192,6 +196,7 @@ def with_proposer(scaffold: Scaffold) -> Scaffold:
     return Scaffold.model_validate({**scaffold.model_dump(), "proposer": "least-squares"})
 
 
+@pytest.mark.slow
 @given(st.lists(st.sampled_from(KINDS), min_size=1, max_size=8), st.integers(0, 1000))
 @settings(max_examples=6, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_sequence_of_actions_is_carried_out(
@@ -206,6 +211,7 @@ def test_any_sequence_of_actions_is_carried_out(
     assert result.lowest.objective < 1.0
 
 
+@pytest.mark.slow
 def test_a_run_that_was_cut_goes_on_as_it_would_have(run_toy: RunToy, tmp_path: Path) -> None:
     whole = search(run_toy, tmp_path / "whole", "hybrid", 30, HIDDEN, backend=Speaking(at_random))
     lines = (tmp_path / "whole" / "journal.jsonl").read_bytes().splitlines(keepends=True)

@@ -38,6 +38,7 @@ def test_the_spm_has_no_electrolyte() -> None:
     assert idle("geometry", "SPM", thermal="lumped") == POROUS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["SPMe", "DFN"])
 @pytest.mark.parametrize("preset", ["geometry", "cell", "life"])
 def test_models_with_an_electrolyte_depend_on_all_of_every_preset(preset: str, model: str) -> None:

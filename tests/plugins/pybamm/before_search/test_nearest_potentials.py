@@ -43,6 +43,7 @@ def slow(parameter_set: str, polarisation_v: float, charge: bool = False) -> Tra
     )
 
 
+@pytest.mark.slow
 def test_the_potentials_of_the_set_that_made_the_record_are_nearest() -> None:
     found = chosen_potentials("nearest", slowest_curve([slow("Ecker2015", 0.005)]))
     assert (found[0].negative, found[0].positive) == ("Ecker2015", "Ecker2015")

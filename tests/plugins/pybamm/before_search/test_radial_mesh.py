@@ -26,6 +26,7 @@ def voltage(cell, measured_record, points):
     return curve.voltage
 
 
+@pytest.mark.slow
 def test_where_diffusivity_is_a_constant_the_usual_mesh_is_enough():
     mesh = radial_mesh(CellModel("Chen2020", "SPMe"), [discharge(10.0, 1200.0)])
     assert (mesh.usual, mesh.fine, mesh.note) == (SEARCH, FINE, "")
@@ -37,6 +38,7 @@ def hindered():
     return CellModel("ORegan2022", "SPMe"), discharge(15.0, 600.0)
 
 
+@pytest.mark.slow
 def test_where_it_varies_by_decades_particles_get_the_points_they_need(hindered):
     cell, measured_record = hindered
     mesh = radial_mesh(cell, [measured_record], {"a": 0.95})
@@ -52,6 +54,7 @@ def test_where_it_varies_by_decades_particles_get_the_points_they_need(hindered)
     assert np.sqrt(np.mean((voltage(cell, measured_record, points) - best) ** 2)) < 0.02
 
 
+@pytest.mark.slow
 def test_the_record_with_the_strongest_current_decides(hindered):
     cell, fast = hindered
     slow = discharge(0.25, 900.0)

@@ -45,6 +45,7 @@ def test_a_set_is_changed_where_the_factor_says(name: str) -> None:
     assert 0.2 < ratio[1] < ratio[0] <= 1.0
 
 
+@pytest.mark.slow
 def test_one_compiled_model_serves_all_factors() -> None:
     cell = CellModel("Chen2020", "SPM")
     protocol = (("Discharge at 1C for 40 minutes", "Rest for 10 minutes"),)

@@ -71,6 +71,7 @@ def shaped() -> tuple[Experiment, CompiledExperiment]:
     )
 
 
+@pytest.mark.slow
 def test_one_compiled_model_serves_all_shapes(shaped: tuple[Experiment, CompiledExperiment]) -> None:
     experiment, compiled = shaped
     rng = np.random.default_rng(0)

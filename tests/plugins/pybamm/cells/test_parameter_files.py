@@ -82,6 +82,7 @@ def test_a_bpx_file_gives_what_pybamm_makes_of_it() -> None:
     assert ours["SEI resistivity [Ohm.m]"] == load("Chen2020")["SEI resistivity [Ohm.m]"]  # a gap, filled
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("coefficient", "taken"), [(None, 10.0), (25.0, 25.0), (0.0, 0.0)])
 def test_a_bpx_file_that_does_not_say_how_its_cell_is_cooled_is_not_adiabatic(coefficient, taken) -> None:
     content = bpx_content()
@@ -108,6 +109,7 @@ def test_a_file_travels_whole_with_its_task() -> None:
     assert load(again.cell.parameter_set)["Separator porosity"] == 0.5
 
 
+@pytest.mark.slow
 def test_pybamm_s_own_json_gives_the_set_back_and_its_functions_can_be_searched() -> None:
     text = json.dumps(pybamm.ParameterValues("Chen2020").to_json())
     file = parsed("chen.json", text)

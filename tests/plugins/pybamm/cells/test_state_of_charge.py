@@ -11,6 +11,7 @@ from bsa.plugins.pybamm.cells.state_of_charge import (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["Chen2020", "OKane2022", "Prada2013"])
 def test_states_of_charge_and_capacities_are_those_of_pybamm(name: str) -> None:
     values = load(name)
@@ -45,6 +46,7 @@ def test_a_changed_cell_starts_where_it_shows_the_voltage() -> None:
     assert state.soc_at(4.25) > 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["Mohtat2020", "Ai2020"])
 def test_a_cold_cell_starts_at_the_voltage_as_pybamm_has_it(name: str) -> None:
     values = load(name)

@@ -18,6 +18,7 @@ RUN = Experiment("r", NOTHING, (("Discharge at 1C for 20 minutes", "Rest for 5 m
 CONTACT = {"contact resistance": "true"}
 
 
+@pytest.mark.slow
 def test_the_file_read_back_gives_the_same_curve() -> None:
     cell = CellModel("Chen2020", "SPMe", CONTACT, {"Contact resistance [Ohm]": 0.01})
     factors = {"Negative particle diffusivity [m2.s-1]": 1.3, "Negative electrode OCP [V]": 1.05}
@@ -34,6 +35,7 @@ def test_the_file_read_back_gives_the_same_curve() -> None:
     assert np.max(np.abs(difference)) < 2e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("base", ["OKane2022", "Chen2020"])
 def test_the_file_of_a_cell_whose_rates_depend_on_the_temperature_is_right_in_the_cold_too(base: str) -> None:
     own = base if base == "OKane2022" else with_activation_energies(base, independent_of_temperature(base))
@@ -65,6 +67,7 @@ def test_a_warm_cell_starts_at_its_own_temperature() -> None:
     assert state["Thermal environment"]["Ambient temperature [K]"] == 298.15
 
 
+@pytest.mark.slow
 def test_a_thermodynamic_factor_goes_into_the_transference_number() -> None:
     cell = CellModel("Chen2020", "DFN", overrides={"Thermodynamic factor": 2.2})
     file = to_bpx(cell, CellChange(), RUN, "x")
@@ -78,6 +81,7 @@ def test_a_thermodynamic_factor_goes_into_the_transference_number() -> None:
     assert np.max(np.abs(folded - measured)) < 0.3 * np.max(np.abs(dropped - measured))
 
 
+@pytest.mark.slow
 def test_a_cell_that_warms_warms_as_much_when_it_is_read_back() -> None:
     cell = CellModel("Chen2020", "SPMe", {"thermal": "lumped"})
     change = CellChange({"Total heat transfer coefficient [W.m-2.K-1]": 37.0, "Cell volume [m3]": 3e-5})
@@ -97,6 +101,7 @@ def test_a_cell_that_warms_warms_as_much_when_it_is_read_back() -> None:
     assert np.interp(time, theirs.time, theirs.temperature) == pytest.approx(kelvin, abs=0.02)
 
 
+@pytest.mark.slow
 def test_a_fitted_number_without_a_field_of_its_own_is_kept_and_a_function_is_named() -> None:
     number, function = "Negative electrode double-layer capacity [F.m-2]", "Negative electrode cracking rate"
     file = to_bpx(CellModel("OKane2022"), CellChange({number: 3.3}, {function: 2.0}), RUN, "x")
@@ -126,6 +131,7 @@ def test_a_start_beyond_the_limits_is_at_the_limit_and_mentioned(soc: float, kep
     assert f"state of charge of {100 * soc:.1f} %" in text
 
 
+@pytest.mark.slow
 def test_a_cell_colder_than_its_reference_starts_at_the_same_voltage() -> None:
     # Mohtat2020 has an entropic change: the potentials of the file are those in the cold, and so are its limits.
     cold = replace(RUN, temperature_k=283.15)
@@ -137,6 +143,7 @@ def test_a_cell_colder_than_its_reference_starts_at_the_same_voltage() -> None:
     assert theirs.voltage[0] == pytest.approx(ours.voltage[0], abs=5e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["Mohtat2020", "Marquis2019"])
 def test_a_cell_that_starts_where_its_set_does_starts_there_in_the_file(name: str) -> None:
     # One set starts empty, the other one half charged.
@@ -149,6 +156,7 @@ def test_a_cell_that_starts_where_its_set_does_starts_there_in_the_file(name: st
     assert theirs.voltage[0] == pytest.approx(ours.voltage[0], abs=2e-3)
 
 
+@pytest.mark.slow
 def test_a_separator_of_nothing_but_electrolyte_is_read_back() -> None:
     cell = CellModel("Marquis2019", "SPMe")
     assert load("Marquis2019")["Separator porosity"] == 1.0

@@ -159,6 +159,7 @@ def test_lithium_of_a_cell_that_starts_where_its_set_does_is_in_the_script():
     assert made["simulate"]()["Voltage [V]"].entries[-1] == pytest.approx(wanted.voltage[-1], abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effects", [("ocp-shape.positive-electrode",), ()])
 def test_a_start_by_voltage_is_that_of_the_final_score(effects):
     shape = {"ocp-shape: height [V]": 0.05, "ocp-shape: stoichiometry": 0.5} if effects else {}
@@ -172,6 +173,7 @@ def test_a_start_by_voltage_is_that_of_the_final_score(effects):
     assert start == pytest.approx(score.voltage[0], abs=1e-4)
 
 
+@pytest.mark.slow
 def test_what_an_effect_adds_to_the_voltage_is_in_the_scripts_cut_offs_and_impedance():
     cell = CellModel("Chen2020", "SPM", effects=("ocp-hysteresis",))
     candidate = {"ocp-hysteresis: half_gap [V]": 0.05, "ocp-hysteresis: decay": 20.0}
@@ -186,6 +188,7 @@ def test_what_an_effect_adds_to_the_voltage_is_in_the_scripts_cut_offs_and_imped
     assert made["impedance"](1)[-1, 2] == pytest.approx(-fitted.values("reactance")[-1], rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["self-discharge: leak [A]", "current-gain: gain"])
 def test_what_an_effect_makes_of_the_current_is_in_the_script(name):
     cell = CellModel("Chen2020", "SPM", effects=(name.split(":")[0],))

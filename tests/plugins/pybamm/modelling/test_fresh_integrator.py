@@ -1,6 +1,7 @@
 """An answer does not depend on what was solved before."""
 
 import numpy as np
+import pytest
 from bsa.core.task import CellModel
 from bsa.plugins.effects.catalogue import EFFECTS
 from bsa.plugins.pybamm.solving.driven_cell import DrivenCell
@@ -8,6 +9,7 @@ from bsa.plugins.pybamm.solving.driven_cell import DrivenCell
 (MARCUS,) = (effect for effect in EFFECTS if effect.key == "kinetics-marcus")
 
 
+@pytest.mark.slow
 def test_a_cell_that_ran_empty_leaves_no_trace_in_later_solves(rest_then_discharge):
     time = np.arange(0.0, 4000.0, 20.0)
     record = rest_then_discharge(time, 60.0, 5.0)

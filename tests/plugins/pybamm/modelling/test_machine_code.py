@@ -63,6 +63,7 @@ def voltage(cell: DrivenCell) -> FloatArray:
     return curve.voltage
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_a_model_gives_the_same_voltage_to_the_last_bit(cell: DrivenCell, monkeypatch: pytest.MonkeyPatch) -> None:
     interpreted = voltage(cell)
@@ -138,6 +139,7 @@ def test_long_functions_stay_interpreted(monkeypatch: pytest.MonkeyPatch) -> Non
     assert code._process is None
 
 
+@pytest.mark.slow
 def test_compiling_without_an_end_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     endless = tmp_path / "endless"
     endless.write_text("#!/bin/sh\nwhile :; do :; done\n")

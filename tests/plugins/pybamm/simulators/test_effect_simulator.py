@@ -44,6 +44,7 @@ def voltages(model, *requests):
     return [prediction.voltage for prediction in found]
 
 
+@pytest.mark.slow
 def test_beside_dfn_the_cheaper_model_is_spme_with_the_same_effects(request_of):
     usual, low = voltages("DFN", request_of, replace(request_of, low_fidelity=True))
     (spme,) = voltages("SPMe", request_of)
@@ -64,6 +65,7 @@ def test_a_current_is_offset_for_a_request_as_by_the_effect(request_of):
     assert np.max(np.abs(shifted - none)) > 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["SPMe", "DFN"])
 def test_mesh_and_tolerances_can_be_checked(model, request_of):
     usual, fine = voltages(model, request_of, replace(request_of, fine=True))

@@ -104,6 +104,7 @@ def test_an_impossible_state_is_a_failed_trial(chen: CompiledExperiment) -> None
     assert "stoichiometries" in run.failure.cause
 
 
+@pytest.mark.slow
 def test_a_protocol_whose_every_step_is_skipped_is_a_failed_trial() -> None:
     nothing = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
     experiment = Experiment("over", nothing, (("Discharge at 1C until 4 V",),), initial_soc=0.5)
@@ -148,6 +149,7 @@ def test_what_cannot_be_built_says_why(cell: CellModel, steps: list[str], words:
     assert caught.value.hint
 
 
+@pytest.mark.slow
 def test_steps_end_and_are_held_at_the_voltage_that_an_effect_adds_to() -> None:
     nothing = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
     steps = ("Discharge at 2C until 3.3 V", "Charge at 2C until 4.1 V", "Hold at 4.1 V until C/2")

@@ -3,6 +3,7 @@
 import time
 
 import numpy as np
+import pytest
 from bsa.core.task import CellModel
 from bsa.plugins.effects.catalogue import EFFECTS
 from bsa.plugins.pybamm.solving.driven_cell import DrivenCell
@@ -10,6 +11,7 @@ from bsa.plugins.pybamm.solving.driven_cell import DrivenCell
 (MARCUS,) = (effect for effect in EFFECTS if effect.key == "kinetics-marcus")
 
 
+@pytest.mark.slow
 def test_a_current_that_no_potential_gives_is_told_soon(rest_then_discharge):
     clock = np.arange(0.0, 4000.0, 20.0)
     record = rest_then_discharge(clock, 60.0, 1.7)

@@ -63,6 +63,7 @@ def test_a_cell_that_starts_warm_cools_to_what_is_around_it() -> None:
     assert run.trajectory.temperature[[0, -1]] == pytest.approx([308.15, 298.15], abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_cell_that_runs_empty_is_a_finite_error_and_says_so() -> None:
     record = discharge()
     driven = compiled(SPM, Experiment("long", record, initial_soc=0.5), {LITHIUM: target_named(LITHIUM)})
@@ -131,6 +132,7 @@ def test_a_candidate_that_cannot_start_is_a_failure_with_its_reason() -> None:
     assert run.failure.cause
 
 
+@pytest.mark.slow
 def test_what_the_integrator_reached_before_it_gave_up_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     driven = DrivenExperiment(SPM, Experiment("long", discharge(1.0, 1.0), initial_soc=0.9), {})
     own = driven._driven
@@ -173,6 +175,7 @@ def test_records_of_many_knots_need_no_knots_of_one_time() -> None:
     assert np.all(np.diff(function.time) > 0)
 
 
+@pytest.mark.slow
 def test_a_drive_cycle_is_followed_from_sample_to_sample() -> None:
     rng = np.random.default_rng(0)
     time = 0.1 * np.arange(151)
@@ -206,6 +209,7 @@ def test_the_words_of_a_limit_count_further_times_and_name_a_clear_lack_of_charg
     assert early.endswith("at 1,800 s of 4,200 s, after 2.5 A.h; the record draws 5.01 A.h, 2 times as much")
 
 
+@pytest.mark.slow
 def test_the_first_seconds_after_a_changed_current_are_resolved_with_lengths_that_are_searched_too() -> None:
     # 100 s of rest and 20 s of 2C, sampled every 0.5 s.
     time = np.arange(0.0, 120.5, 0.5)

@@ -42,6 +42,7 @@ def every_cycle() -> tuple[np.ndarray, pybamm.Solution]:
     return np.array([q[-1] - q[0] for q in charge]), solution
 
 
+@pytest.mark.slow
 def test_the_fade_is_that_of_all_cycles_at_a_fraction_of_them(
     every_cycle: tuple[np.ndarray, pybamm.Solution],
 ) -> None:
@@ -63,6 +64,7 @@ def test_the_fade_is_that_of_all_cycles_at_a_fraction_of_them(
     assert run.trajectory.cycles == (1, 30, COUNT)
 
 
+@pytest.mark.slow
 def test_only_the_curves_of_chosen_cycles_are_kept() -> None:
     few, many = (
         LongExperiment(CELL, life(count, (1, count)), {RATE: Value(RATE)}).solve(FAST).trajectory for count in (8, 40)
@@ -72,6 +74,7 @@ def test_only_the_curves_of_chosen_cycles_are_kept() -> None:
     assert len(many) == pytest.approx(len(few), rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_reference_simulates_every_cycle() -> None:
     run = solve_reference(CELL, life(12, (1, 12)), CellChange(values=FAST))
     assert run.trajectory is not None
@@ -83,6 +86,7 @@ def test_a_reference_simulates_every_cycle() -> None:
     np.testing.assert_allclose(ours.capacity_ah, theirs.capacity_ah, rtol=2e-4)
 
 
+@pytest.mark.slow
 def test_other_cycles_in_between_start_from_where_the_ones_before_ended() -> None:
     check = (*CYCLE[:3], "Discharge at C/2 until 2.5 V")
     protocol = (CYCLE,) * 15 + (check,) + (CYCLE,) * 15
@@ -97,6 +101,7 @@ def test_other_cycles_in_between_start_from_where_the_ones_before_ended() -> Non
     assert [str(step.label) for step in run.trajectory.cycle(16).steps][-1] == check[-1]
 
 
+@pytest.mark.slow
 def test_where_a_life_ends_is_told_with_what_was_reached() -> None:
     # The discharge must last an hour, which a fading cell cannot.
     protocol = ((*CYCLE[:3], "Discharge at 0.95C for 1 hour"),) * COUNT
@@ -113,6 +118,7 @@ def test_where_a_life_ends_is_told_with_what_was_reached() -> None:
     assert run.failure.reached_s > 3000.0 * run.failure.cycle
 
 
+@pytest.mark.slow
 def test_a_candidate_that_cannot_start_is_a_failure_in_a_line() -> None:
     cell = replace(CELL, overrides={"Maximum concentration in negative electrode [mol.m-3]": 1000.0})
     run = LongExperiment(cell, replace(life(), protocol=(CYCLE,) * 4, detailed_cycles=(1,)), {}).solve({})
@@ -125,6 +131,7 @@ def test_the_tolerance_leaves_room_below_what_is_promised() -> None:
     assert 3 * TOLERANCE < 2e-4
 
 
+@pytest.mark.slow
 def test_what_was_lost_is_told_for_every_cycle() -> None:
     table = solve_reference(CELL, life(6, (1, 6)), CellChange(values=FAST)).trajectory.cycle_table  # type: ignore[union-attr]
     assert table is not None
@@ -132,6 +139,7 @@ def test_what_was_lost_is_told_for_every_cycle() -> None:
     np.testing.assert_allclose(table.negative_material_lost_pct, 0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_resistance_is_read_as_long_after_the_switch_as_the_measured_one() -> None:
     cell = CellModel("Mohtat2020", "SPM")
     kinds = (Step(StepKind.REST, 0, 2), Step(StepKind.CC_DISCHARGE, 2, 4))
@@ -154,6 +162,7 @@ def test_a_resistance_is_read_as_long_after_the_switch_as_the_measured_one() -> 
     assert tables[1].resistance_ohm[0] > 1.03 * tables[0].resistance_ohm[0]
 
 
+@pytest.mark.slow
 def test_a_hold_that_ends_at_a_current_leads_on_to_the_next_step() -> None:
     cycle = ("Charge at 1 A until 4.2 V", "Hold at 4.2 V until 50 mA", "Rest for 5 minutes", CYCLE[3])
     run = LongExperiment(CELL, replace(life(), protocol=(cycle,) * 3, detailed_cycles=(3,)), {}).solve({})

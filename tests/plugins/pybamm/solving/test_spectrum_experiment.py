@@ -31,6 +31,7 @@ def impedance(run) -> np.ndarray:
     return recorded_spectrum("z.csv", run.trajectory).impedance
 
 
+@pytest.mark.slow
 def test_what_a_candidate_changes_shows_in_its_impedance() -> None:
     space = resolve_space(
         "Chen2020", {CONTACT: [0.0, 0.1], EXCHANGE: [0.1, 10], RADIUS: {}, CAPACITY: {"factors": [0.5, 2]}}
@@ -54,6 +55,7 @@ def test_what_a_candidate_changes_shows_in_its_impedance() -> None:
         assert found == pytest.approx(impedance(alone), abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_spectrum_is_that_of_pybamm_with_resolved_particles_at_the_state_of_charge_of_its_voltage() -> None:
     model = pybamm.lithium_ion.SPM({"surface form": "differential"})
     values = pybamm.ParameterValues("Chen2020")
