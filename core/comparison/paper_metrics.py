@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from ..ageing.summary import discharged_ah
@@ -16,7 +17,7 @@ from .alignment import pair_steps
 from .overlap import JUMP_S, overlap_rms, scored_part
 from .signal_metrics import Metrics, Quantity
 
-_ZERO, COUNTS_AS_ZERO = 1e-8, 5e-3
+_ZERO, _ZERO_SHARE = 1e-8, 5e-3
 """Reference samples smaller than this, or than this share of the largest, count as zero, since a relative error would
 mean nothing: cyclers write up to three thousandths of their current while a cell rests."""
 
@@ -192,8 +193,13 @@ def _resampled(record: Trajectory, signal: str) -> FloatArray:
     return np.asarray(PchipInterpolator(time, values)(np.arange(0.0, time[-1], 1.0)), dtype=np.float64)
 
 
+def is_counted(reference: FloatArray, largest: float) -> NDArray[np.bool_]:
+    """Which samples of a reference, whose largest is given, the percentage errors count: those that are not zero."""
+    return np.asarray(np.abs(reference) > max(_ZERO, _ZERO_SHARE * largest))
+
+
 def _mape(simulated: FloatArray, reference: FloatArray) -> float:
-    counted = np.abs(reference) > max(_ZERO, COUNTS_AS_ZERO * np.max(np.abs(reference), initial=0.0))
+    counted = is_counted(reference, float(np.max(np.abs(reference), initial=0.0)))
     if not np.any(counted):
         return 0.0
     return float(100.0 * np.mean(np.abs((simulated[counted] - reference[counted]) / reference[counted])))

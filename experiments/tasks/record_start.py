@@ -26,7 +26,10 @@ def open_circuit_start(record: Trajectory, others: Sequence[Trajectory] = ()) ->
     """
     voltage = resting_voltage(record)
     if starts_at_rest(record):
-        return voltage, f"starts at {voltage:.3f} V"
+        first = next(switches(record), None)
+        early = first is not None and first.mixed is not None and first.mixed < record.steps[0].stop
+        why = " (its last sample at rest has the voltage under load already)" * early
+        return voltage, f"starts at {voltage:.3f} V{why}"
     current, jumps, whose = float(record.current[0]), jump_resistances(record), "its"
     if not jumps and others:
         jumps, whose = [ohm for other in others for ohm in jump_resistances(other)], "the other records'"

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.cell import CURRENT, FREQUENCY, REACTANCE, RESISTANCE, VOLTAGE
-from ...core.comparison.paper_metrics import COUNTS_AS_ZERO
+from ...core.comparison.paper_metrics import is_counted
 from ...core.comparison.residuals import DURATION_TOLERANCE, ResidualRows, rows_of, tolerance_at
 from ...core.task import Experiment, Task
 from ...core.trajectory import FloatArray, Trajectory
@@ -116,8 +116,7 @@ def _relative_tolerance(experiment: Experiment, steps: NDArray[np.intp], since_s
     record = experiment.target
     begins = np.array([record.time[step.start] for step in record.steps])
     amperes = np.abs(np.interp(begins[steps] + since_s, record.time, record.current))
-    least = COUNTS_AS_ZERO * float(np.max(np.abs(record.current)))
-    counted = amperes > least
+    counted = is_counted(amperes, float(np.max(np.abs(record.current))))
     return np.where(counted, tolerance_at(CURRENT, amperes, experiment) / np.where(counted, amperes, 1.0), 0.0)
 
 

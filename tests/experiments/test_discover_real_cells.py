@@ -29,8 +29,6 @@ def test_nasa_b0005_lacks_a_series_resistance(tmp_path, search):
         ambient_c=24.0,
         search=search,
         max_effects=1,
-        # With all base parameters the whole catalogue takes ten minutes.
-        effects=["contact-resistance", "ocp-hysteresis", "self-heating"] if search == "all" else None,
         out=tmp_path,
     )
     found = discover(options, workers=2)

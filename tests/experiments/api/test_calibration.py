@@ -30,8 +30,13 @@ def calibrated(folder):
 
 
 @pytest.fixture(scope="module")
-def toy(tmp_path_factory):
-    return calibrated(tmp_path_factory.mktemp("runs") / "toy")
+def toy_folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("runs") / "toy"
+
+
+@pytest.fixture(scope="module")
+def toy(toy_folder):
+    return calibrated(toy_folder)
 
 
 def test_options_and_their_defaults_are_those_of_the_command() -> None:
@@ -44,11 +49,11 @@ def test_options_and_their_defaults_are_those_of_the_command() -> None:
     assert options(bsa.calibrate, "data", "progress") == options(command, *said_otherwise)
 
 
-def test_a_task_is_calibrated_and_its_result_told(toy) -> None:
-    assert toy.folder.name == "toy"
+def test_a_task_is_calibrated_and_its_result_told(toy, toy_folder) -> None:
+    assert toy.folder == toy_folder
     assert toy.report.is_file()
     assert set(toy.parameters) == set(toy_task().space.names)
-    assert toy.to_json() == json.loads((toy.folder / "result.json").read_text())
+    assert toy.to_json() == json.loads((toy_folder / "result.json").read_text())
     assert toy.to_json()["best"]["parameters"] == toy.parameters
     assert toy.to_json()["status"] == toy.status
     lower, upper = toy.intervals[CAPACITY]

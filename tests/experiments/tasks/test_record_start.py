@@ -24,7 +24,7 @@ def test_a_record_starts_at_rest_though_its_last_resting_sample_has_the_voltage_
     )
     voltage, words = open_circuit_start(record)
     assert voltage == 3.701
-    assert words == "starts at 3.701 V"
+    assert words == "starts at 3.701 V (its last sample at rest has the voltage under load already)"
     assert jump_resistances(record) == pytest.approx([0.236 / 7.5])
 
 
