@@ -62,7 +62,8 @@ def part_of(effect: Effect) -> PyBaMMPart:
 def effects_in(cell: CellModel) -> tuple[Effect, ...]:
     """The effects that a cell model has of its own.
 
-    Raises `BsaError` if one does not exist, has variants of which none was named, or is one of the instrument.
+    Raises `BsaError` if one does not exist, has variants of which none or more than one was named, or is one of the
+    instrument.
     """
     if not cell.effects:
         return ()
@@ -78,6 +79,15 @@ def effects_in(cell: CellModel) -> tuple[Effect, ...]:
                 f'effect "{name}" is one of the instrument, and a calibration simulates the cell alone.',
                 "bsa discover --effect fits it.",
             )
+    by_name: dict[str, str] = {}
+    for effect in found:
+        if effect.name in by_name:
+            raise BsaError(
+                f'"{by_name[effect.name]}" and "{effect.key}" are variants of one effect, whose parameters have the '
+                "same names.",
+                "name one of them.",
+            )
+        by_name[effect.name] = effect.key
     return found
 
 

@@ -101,3 +101,9 @@ def test_a_journal_keeps_the_effects_and_leaves_out_that_there_are_none(task: Ta
 def test_an_effect_that_a_cell_cannot_have_is_refused(name: str, said: str) -> None:
     with pytest.raises(BsaError, match=said):
         effects_in(CellModel("Chen2020", "SPM", effects=(name,)))
+
+
+def test_two_variants_of_one_effect_are_refused_together() -> None:
+    both = ("ocp-shape.negative-electrode", "ocp-shape.positive-electrode")
+    with pytest.raises(BsaError, match="variants of one effect"):
+        effects_in(CellModel("Chen2020", "SPM", effects=both))
