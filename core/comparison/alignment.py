@@ -45,8 +45,8 @@ class StepPair:
         of millivolts before a cycler writes its first sample, and a straight line through the samples knows nothing of
         that. In a vanished step an observed signal stays where it was, and nothing is driven.
         """
-        simulated, (taken, sampled) = self._simulated(signal, fractions), self._taken
-        difference = self._simulated(signal, sampled) - self.measured.values(signal.name)[taken]
+        simulated, sampled = self._simulated(signal, fractions), self.sampled
+        difference = self._simulated(signal, sampled) - self.sampled_values(signal)
         return simulated - np.interp(fractions, sampled, difference), simulated
 
     def kept_of_noise(self, fractions: FloatArray) -> FloatArray:
@@ -71,6 +71,10 @@ class StepPair:
     def sampled(self) -> FloatArray:
         """The fractions of the measured duration at which samples were taken, in order."""
         return self._taken[1]
+
+    def sampled_values(self, signal: Signal) -> FloatArray:
+        """The measured signal at `sampled`."""
+        return self.measured.values(signal.name)[self._taken[0]]
 
     @property
     def _taken(self) -> tuple[NDArray[np.intp], FloatArray]:

@@ -82,9 +82,10 @@ def residuals(task: Task, outcome: Outcome) -> FloatArray | None:
     Under a protocol each step of the scored cycle gives residuals of its compared signals (of a cell the
     voltage, during a voltage hold the current) at equal fractions of its own duration, and one residual for
     the logarithm of its duration. Under a measured drive the durations are given, and each step gives
-    residuals of the observed signals, averages over equal parts of it, weighted by its share of time, so that the
-    sum of squares is the number of residuals times the mean over the records of their mean squared errors. Where the
-    task's weights are robust, mismatches of more than ten tolerances count by their order of magnitude (`robust`).
+    residuals of the observed signals, averages over parts of it (`step_parts`), weighted by their shares of time, so
+    that the sum of squares is the number of residuals times the mean over the records of their mean squared errors.
+    Where the task's weights are robust, mismatches of more than ten tolerances count by their order of magnitude
+    (`robust`).
 
     Returns
     -------
@@ -159,7 +160,7 @@ def noise_of_residuals(task: Task) -> FloatArray:
 def _kept_of_noise(task: Task, pair: StepPair, experiment: Experiment) -> FloatArray:
     """Deviations of a driven step's residuals in units of those that a mismatch of the noise of one sample gives."""
     signals = task.compared(pair.step.kind, experiment)
-    return np.concatenate([pair.kept_of_noise(step_parts(pair, signal)) for signal in signals])
+    return np.concatenate([pair.kept_of_noise(step_parts(pair, signal).fractions) for signal in signals])
 
 
 def _finished(pairs: list[StepPair], run: ExperimentRun) -> int:
@@ -228,20 +229,23 @@ def _driven(task: Task, pairs: list[StepPair], experiment: Experiment) -> list[F
     for pair, duration in zip(pairs, durations, strict=True):
         curves = []
         for signal in task.compared(pair.step.kind, experiment):
-            fractions = step_parts(pair, signal)
-            weight = np.sqrt(duration / total * each[signal.name] / len(fractions))
-            mismatch = _mismatch(task, pair, signal, experiment, fractions.ravel()).reshape(fractions.shape)
-            curves.append(weight * mismatch.mean(axis=1) * _tells_of_the_cell(signal, pair, len(fractions)))
+            part = step_parts(pair, signal)
+            weights = np.sqrt(duration / total * each[signal.name] * part.weights)
+            mismatch = _mismatch(task, pair, signal, experiment, part.fractions.ravel()).reshape(part.fractions.shape)
+            curves.append(weights * mismatch.mean(axis=1) * _tells_of_the_cell(signal, pair, part.ends))
         parts.append(np.concatenate(curves))
     return parts
 
 
-def _tells_of_the_cell(signal: Signal, pair: StepPair, points: int) -> NDArray[np.bool_]:
-    """Which of the equal parts of a step are fitted: in a long rest not those that show the surroundings alone."""
+def _tells_of_the_cell(signal: Signal, pair: StepPair, ends: FloatArray) -> NDArray[np.bool_]:
+    """Which of the parts of a step are fitted: in a long rest not those that show the surroundings alone.
+
+    ``ends`` are the fractions of the step's duration at which the parts end, shape (n,).
+    """
     if signal.settles_s is None or pair.step.kind is not StepKind.REST:
-        return np.ones(points, dtype=np.bool_)
-    ends = pair.measured.duration * (np.arange(points) + 1.0) / points
-    return np.asarray(ends <= max(signal.settles_s, ends[0]))
+        return np.ones(len(ends), dtype=np.bool_)
+    ends_s = pair.measured.duration * ends
+    return np.asarray(ends_s <= max(signal.settles_s, ends_s[0]))
 
 
 def _parts_a_record(task: Task, signal: Signal) -> float:
@@ -380,7 +384,7 @@ def rows_of(task: Task) -> ResidualRows:
             place = record.steps.index(pair.step)
             for signal in task.compared(pair.step.kind, experiment):
                 if experiment.protocol is None:
-                    fractions = step_parts(pair, signal).mean(axis=1)
+                    fractions = step_parts(pair, signal).fractions.mean(axis=1)
                 else:
                     fractions = (np.arange(_points(signal)) + 0.5) / _points(signal)
                 times = pair.measured.duration * fractions

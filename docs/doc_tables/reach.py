@@ -22,7 +22,10 @@ def _measured(results: Results) -> str:
     rows = [row for row in results.rows("real_cells") if "," not in row["cell"]]
     cells = len({row["cell"] for row in rows})
     parts = []
-    for role, words in (("fitted", "that were fitted"), ("held out", "that no fit has seen")):
+    for role, words in (
+        ("fitted", "that were fitted"),
+        ("held out", "held out of these fits (some were in view while the method was developed)"),
+    ):
         own = [row for row in rows if row["role"] == role]
         whole, most = ([row[name] for row in own] for name in ("rms_mv", "rms_99_mv"))
         parts.append(

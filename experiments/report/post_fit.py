@@ -28,7 +28,7 @@ def best_score_line(task: Task, best: Trial, lowest: Trial, metrics: Metrics | N
     if lowest is best or metrics is None:
         return ""
     objective = objective_of(task)
-    minimised = "means of the error over equal parts of each step" if task.given_drive else "errors within each step"
+    minimised = "means of the error over parts of each step" if task.given_drive else "errors within each step"
     theirs, lowest_misfit = (number(trial.misfit, 3) for trial in (best, lowest))
     start = " (the starting point)" * (best.phase == "initial")
     return (

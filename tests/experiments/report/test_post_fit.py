@@ -121,7 +121,7 @@ def test_a_run_says_by_what_its_values_were_chosen_over_those_with_the_lowest_er
     best, lowest = trial(2, 20.26, 28.46), trial(27, 22.75, 25.58)
     metrics = PaperMetrics(25.58, 0.1, 0.0, 0.0, 0.1, 0.0, 25.58, 0.0, 0.0)
     assert best_score_line(task, best, lowest, metrics) == (
-        "These are the values of simulation 2: the fit minimises the means of the error over equal parts of each "
+        "These are the values of simulation 2: the fit minimises the means of the error over parts of each "
         "step, which are 20.3 tolerances (rms) there and 22.8 in simulation 27, which has the lowest voltage RMSE, "
         "25.58 mV. One tolerance is 1 mV."
     )
