@@ -15,8 +15,9 @@ _PLAIN_WORD_CHARS = 8
 _SECRET_SHAPE = re.compile(
     r"(?<=Bearer )[^\s\"',()\[\]{}<>]{8,}"
     r"|\b(?:sk|pk|gsk|hf|xai|tgp|fw)[-_][A-Za-z0-9_\-]{12,}"
-    # User name and password of an address; a password may hold a slash or an @ by mistake.
-    r"|(?<=://)(?:[^\s\"'<>/]+|[^\s\"'<>/@:]*:[^\s\"'<>]+)(?=@)"
+    # User name and password of an address; a password may hold a slash or an @ by mistake. Of limited length: a search
+    # for an @ that never comes would take the square of the text's length.
+    r"|(?<=://)(?:[^\s\"'<>/]{1,512}|[^\s\"'<>/@:]{0,256}:[^\s\"'<>]{1,512})(?=@)"
 )
 REDACTED = "[redacted]"
 

@@ -5,7 +5,7 @@ fractions of its own duration, a step's curve and its duration are smooth functi
 """
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,25 +100,30 @@ def at_fractions(piece: Trajectory, signal: FloatArray, fractions: FloatArray) -
 def pair_steps(simulated: Trajectory | None, experiment: Experiment) -> list[StepPair]:
     """Match the scored steps of the target with those of the simulation.
 
-    Steps are matched by cycle, kind and occurrence (the second rest with the second rest), so that a
-    step which a candidate makes vanish does not shift the ones behind it.
+    Steps are matched by cycle and place in the protocol, so that a step which a candidate makes vanish does not shift
+    the ones behind it. Where the places are of steps of other kinds, as the record has steps that its protocol lacks,
+    they are matched by cycle, kind and occurrence (the second rest with the second rest).
     """
     wanted = [step for step in experiment.target.steps if experiment.scored_cycle in (None, step.cycle)]
     found: dict[tuple[int, str, int], Step] = {}
+    by_place = False
     reached_cycle = 0
     fallback: dict[str, float] | None = None
     if simulated is not None and simulated.steps:
-        found = dict(zip(_keys(simulated.steps), simulated.steps, strict=True))
+        by_place = _share_places(wanted, simulated.steps)
+        found = dict(
+            zip(_places(simulated.steps) if by_place else _keys(simulated.steps), simulated.steps, strict=True)
+        )
         reached_cycle = simulated.steps[-1].cycle
         fallback = _before_cycle(simulated, wanted[0].cycle) if wanted else None
     totals = Counter((step.cycle, step.kind) for step in wanted)
     pairs: list[StepPair] = []
-    for step, key in zip(wanted, _keys(wanted), strict=True):
-        cycle, kind, occurrence = key
+    places = _places(wanted) if by_place else _keys(wanted)
+    for step, place, (cycle, kind, occurrence) in zip(wanted, places, _keys(wanted), strict=True):
         name = str(kind) if totals[cycle, kind] == 1 else f"{kind} {occurrence}"
         if experiment.scored_cycle is None and len(experiment.target.cycles) > 1:
             name = f"cycle {cycle} {name}"
-        counterpart = found.get(key)
+        counterpart = found.get(place)
         piece = None
         if counterpart is not None and simulated is not None:
             piece = simulated.slice(counterpart.start, counterpart.stop)
@@ -135,7 +140,19 @@ def _before_cycle(simulated: Trajectory, cycle: int) -> dict[str, float]:
     return {signal: float(values[place]) for signal, values in simulated.signals.items()}
 
 
-def _keys(steps: tuple[Step, ...] | list[Step]) -> list[tuple[int, str, int]]:
+def _share_places(wanted: Sequence[Step], simulated: Sequence[Step]) -> bool:
+    """Whether steps at the same place of a cycle are of the same kind, and no two steps have one place."""
+    kinds = {(step.cycle, step.position): step.kind for step in simulated}
+    own = {(step.cycle, step.position): step.kind for step in wanted}
+    distinct = len(kinds) == len(simulated) and len(own) == len(wanted)
+    return distinct and all(kinds.get(place, kind) == kind for place, kind in own.items())
+
+
+def _places(steps: Sequence[Step]) -> list[tuple[int, str, int]]:
+    return [(step.cycle, step.kind, step.position) for step in steps]
+
+
+def _keys(steps: Sequence[Step]) -> list[tuple[int, str, int]]:
     counts: Counter[tuple[int, str]] = Counter()
     keys: list[tuple[int, str, int]] = []
     for step in steps:

@@ -93,7 +93,8 @@ def resolution(signal: FloatArray) -> float:
         return _NO_ROUNDING
     gaps = np.diff(distinct)
     # What differs by less is one reading, written in two ways.
-    return max(float(np.min(gaps, where=gaps > 0.1 * _NO_ROUNDING, initial=np.inf)) / math.sqrt(12.0), _NO_ROUNDING)
+    step = float(np.min(gaps, where=gaps > 0.1 * _NO_ROUNDING, initial=np.inf))
+    return max(step / math.sqrt(12.0), _NO_ROUNDING) if math.isfinite(step) else _NO_ROUNDING
 
 
 def rounding_that_stays(noise: float, rounding: float) -> float:

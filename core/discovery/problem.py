@@ -13,6 +13,7 @@ from scipy.ndimage import maximum_filter1d
 
 from ..comparison.robust_loss import robust
 from ..effect import Effect
+from ..errors import BsaError
 from ..parameters import Candidate, Parameter, ParameterSpace
 from ..trajectory import FloatArray
 from .current_offset import current_offset
@@ -77,13 +78,19 @@ class Problem:
     def __post_init__(self) -> None:
         self.fitted = [self._fitted_mask(one) for one in self.observations] if self.masks is None else list(self.masks)
         """By record: which stretches are fitted."""
+        if self.masks is None and not self.held_observations and all(np.all(mask) for mask in self.fitted):
+            raise BsaError(
+                f"the records have at most {_BLOCK} averages each: none can be held out to test what is found.",
+                "give a record that is not fitted with --holdout.",
+            )
         self._held_start: dict[tuple[str, str], Candidate] = {}
         self._corrected_at: tuple[tuple[Effect, ...], dict[str, float]] | None = None
         records = [observed.measured_record for observed in (*self.observations, *self.held_observations)]
         self._names_of_records = frozenset(name for record in records for name in record.own_names)
 
     def _fitted_mask(self, observed: Observations) -> NDArray[np.bool_]:
-        if self.held_observations and not observed.measured_record.is_long:
+        few = len(observed) <= _BLOCK  # all of one block
+        if few or (self.held_observations and not observed.measured_record.is_long):
             return np.ones(len(observed), dtype=bool)
         turn = np.arange(len(observed)) // _BLOCK % _EVERY
         return np.asarray(turn != _held_turn(observed.voltage, turn), dtype=np.bool_)
@@ -315,7 +322,9 @@ def _held_turn(voltage: FloatArray, turn: NDArray[np.intp]) -> int:
     """Which of the blocks in turn is held out: the usual one, or that with the fairest share of the changes."""
     changes = np.bincount(turn, np.abs(np.gradient(voltage)), minlength=_EVERY)
     shares = _EVERY * changes / (np.sum(changes) or 1.0)
-    return _USUAL_TURN if shares[_USUAL_TURN] <= _FAIR else int(np.argmin(np.abs(shares - 1.0)))
+    there = np.unique(turn)
+    usual = _USUAL_TURN in there and shares[_USUAL_TURN] <= _FAIR
+    return _USUAL_TURN if usual else int(there[np.argmin(np.abs(shares[there] - 1.0))])
 
 
 def _together(observations: Sequence[Observations]) -> float:

@@ -39,8 +39,9 @@ def charge_notes(samples: Samples, trajectory: Trajectory) -> list[str]:
 
 
 def _of_counter(samples: Samples, drawn: FloatArray, passed: FloatArray) -> list[str]:
-    size = min(float(np.ptp(drawn)), float(np.ptp(np.cumsum(passed))) or np.inf)
+    size = min(float(np.ptp(drawn)), float(np.ptp(np.nancumsum(passed))) or np.inf)
     missed = passed - np.diff(drawn)
+    missed[~np.isfinite(missed)] = 0.0  # without a counter nothing is known
     if samples.sheet is not None:
         missed[np.diff(samples.sheet) != 0] = 0.0  # each file's counters begin anew
     large = np.flatnonzero(np.abs(missed) > NOTED_SHARE * size)

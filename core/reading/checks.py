@@ -104,7 +104,7 @@ def _ambient(samples: Samples, chosen: slice, options: ReadOptions) -> tuple[flo
         if ambient is not None:
             return ambient, words
     if samples.ambient_k is None and samples.temperature is not None:
-        return ambient_of(samples.time, samples.temperature)
+        return ambient_of(samples.time[chosen], samples.temperature[chosen])
     return samples.ambient_k, ""
 
 

@@ -34,8 +34,8 @@ def drawn_between(time: FloatArray, current: FloatArray) -> FloatArray:
 def counted_between(samples: Samples) -> FloatArray | None:
     """Charge drawn between neighbouring samples by the file's own counters.
 
-    Of samples with a current positive on discharge. Shape (n - 1,), in A.h, 0 where a counter is missing; None without
-    counters, or where a tenth of their values is missing.
+    Of samples with a current positive on discharge. Shape (n - 1,), in A.h, NaN where a counter is missing; None
+    without counters, or where a tenth of their values is missing.
     """
     extra = samples.extra
     if "charged_ah" in extra and "discharged_ah" in extra:
@@ -47,7 +47,7 @@ def counted_between(samples: Samples) -> FloatArray | None:
         passed = np.where(np.abs(extra["net_ah"][1:]) < 1e-9, sampled, passed)  # set to zero, it says nothing
     else:
         return None
-    return None if np.count_nonzero(np.isfinite(passed)) < 0.9 * len(passed) else np.nan_to_num(passed)
+    return None if np.count_nonzero(np.isfinite(passed)) < 0.9 * len(passed) else passed
 
 
 def _rises(counter: FloatArray) -> FloatArray:
@@ -71,7 +71,7 @@ def with_switches_counted(samples: Samples) -> Samples:
         return samples
     spacing, before, after = np.diff(samples.time), samples.current[:-1], samples.current[1:]
     sampled = drawn_between(samples.time, samples.current)
-    size = min(float(np.ptp(np.cumsum(sampled))), float(np.ptp(np.cumsum(passed))) or np.inf)
+    size = min(float(np.ptp(np.cumsum(sampled))), float(np.ptp(np.nancumsum(passed))) or np.inf)
     switched = np.abs(after - before) > _SWITCHED_SHARE * float(np.max(np.abs(samples.current)))
     with np.errstate(divide="ignore", invalid="ignore"):
         # current before for `share` of the interval, current after for the rest of it

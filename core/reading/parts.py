@@ -7,6 +7,7 @@ import numpy as np
 
 from ..record import Record
 from ..trajectory import Step, Trajectory
+from .checks import MIN_SAMPLES
 from .gaps import FLOWS, gaps_in
 
 
@@ -14,8 +15,8 @@ def parts_between_gaps(record: Record) -> list[Record]:
     """The record, cut where it is silent for long beside a load: when that began or ended, nobody wrote down.
 
     A part that begins at rest has a state of charge of its own, and is a record of its own. One that begins under load
-    shows no open-circuit voltage; it is left out, and the first part says so. The record itself where there is no such
-    silence.
+    shows no open-circuit voltage, and one of a few samples is no record; these are left out, and the first part says
+    so. The record itself where there is no such silence.
     """
     trajectory = record.trajectory
     loaded = np.abs(trajectory.current) > FLOWS * np.max(np.abs(trajectory.current), initial=0.0)
@@ -24,14 +25,16 @@ def parts_between_gaps(record: Record) -> list[Record]:
     if len(cuts) == 0:
         return [record]
     edges = list(pairwise([0, *map(int, cuts), len(trajectory)]))
-    kept = [(a, b) for place, (a, b) in enumerate(edges) if place == 0 or not loaded[a]]
+    kept = [(a, b) for place, (a, b) in enumerate(edges) if place == 0 or not (loaded[a] or b - a < MIN_SAMPLES)]
     left_out_s = sum(float(np.ptp(trajectory.time[a:b])) for a, b in edges if (a, b) not in kept)
     note = (
         f"it is silent for long beside a load, so that the charge is not known (silences: {len(cuts)}); records that "
         f"are used of it, each with its own state of charge: {len(kept)}"
     )
     if len(kept) < len(edges):
-        note += f"; {left_out_s / 3600.0:.3g} h that begin under load are left out"
+        note += (
+            f"; {left_out_s / 3600.0:.3g} h that begin under load or have less than {MIN_SAMPLES} samples are left out"
+        )
     parts = [
         replace(record, name=f"{record.name}, part {number}", trajectory=_slice(trajectory, a, b), notes=())
         for number, (a, b) in enumerate(kept, start=1)

@@ -58,22 +58,27 @@ class Samples:
         object.__setattr__(self, "source", shown(self.source))
         for name in ("time", "voltage", "current", "temperature"):
             values = getattr(self, name)
-            if values is None and name == "temperature":
-                continue
-            try:
-                values = np.asarray(values, dtype=np.float64)
-            except (TypeError, ValueError) as error:
-                raise BsaError(f"{self.source}: {name} is no array of numbers ({shown(error, 100)}).") from None
-            if values.ndim != 1 or values.shape != np.shape(self.time):
-                raise BsaError(
-                    f"{self.source}: {name} has shape {values.shape}, but time has shape {np.shape(self.time)}.",
-                    "a reader gives one value of each signal for every sample.",
-                )
-            object.__setattr__(self, name, values)
+            if values is not None or name != "temperature":
+                object.__setattr__(self, name, self._numbers(name, values))
+        extra = {name: self._numbers(name, values) for name, values in self.extra.items()}
+        object.__setattr__(self, "extra", extra)
         if len(self.rows) != len(self.time):
             object.__setattr__(self, "rows", np.arange(1, len(self.time) + 1))
         if len(self.inserted) != len(self.time):
             object.__setattr__(self, "inserted", np.zeros(len(self.time), dtype=np.bool_))
+
+    def _numbers(self, name: str, values: object) -> FloatArray:
+        """What a reader gave under a name, as one number for every sample."""
+        try:
+            found = np.asarray(values, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise BsaError(f"{self.source}: {name} is no array of numbers ({shown(error, 100)}).") from None
+        if found.ndim != 1 or found.shape != np.shape(self.time):
+            raise BsaError(
+                f"{self.source}: {name} has shape {found.shape}, but time has shape {np.shape(self.time)}.",
+                "a reader gives one value of each signal for every sample.",
+            )
+        return found
 
     def __len__(self) -> int:
         return len(self.time)

@@ -171,7 +171,7 @@ def _resistances(trajectory: Trajectory) -> Iterator[ResistanceRow]:
     for switch in switches(trajectory):
         before, after = switch.before, switch.after
         change = float(current[after] - current[before])
-        if abs(change) < STEP_SHARE * largest or switch.step.kind is StepKind.CV_HOLD:
+        if change == 0.0 or abs(change) < STEP_SHARE * largest or switch.step.kind is StepKind.CV_HOLD:
             continue
         ohm = -float(voltage[after] - voltage[before]) / change
         if ohm > 0 and abs(voltage[after] - voltage[before]) > 1.5 * digit:
@@ -219,8 +219,9 @@ def _open_charge(trajectory: Trajectory, steps: Sequence[StepRow]) -> Iterator[s
             found.append((charge, float(time[before])))
     if found:
         charge, at_s = max(found)
+        share = f" ({100 * charge / most:.2g} % of the largest)" if most > 0.0 else ""
         yield (
             f"the current is switched between samples far apart (places: {len(found)}; the most charge between two at "
             f"{rounded(at_s, 6)} s). A step is taken to begin where the one before ended; if it began later, the "
-            f"charge of a step is another by up to {charge:.2g} A.h ({100 * charge / most:.2g} % of the largest)."
+            f"charge of a step is another by up to {charge:.2g} A.h{share}."
         )

@@ -279,17 +279,33 @@ def _experiment(
     request: RecordRequest, record: Record, initial_soc: float | None, initial_voltage: float | None = None
 ) -> Experiment:
     driven, ambient_k = request.protocol is None, _ambient_k(request, record)
+    target, scored_cycle = record.trajectory, request.scored_cycle
+    if driven:
+        target = from_ambient(target, ambient_k)
+    elif target.cycle_table is None:
+        target, scored_cycle = _as_simulated(target, scored_cycle)
     return Experiment(
         name=record.name,
-        target=from_ambient(record.trajectory, ambient_k) if driven else record.trajectory,
+        target=target,
         protocol=request.protocol_of(record),
-        scored_cycle=request.scored_cycle,
+        scored_cycle=scored_cycle,
         temperature_k=ambient_k,
         initial_soc=initial_soc,
         initial_voltage=initial_voltage,
         detailed_cycles=() if request.detailed_cycles is None else record.trajectory.cycles,
         initial_temperature_k=_initial_k(request, record),
     )
+
+
+def _as_simulated(target: Trajectory, scored_cycle: int | None) -> tuple[Trajectory, int | None]:
+    """A record with its cycles counted from 1, as those of a simulated protocol are, and the one that is scored.
+
+    A number that the record does not have stays as it is, to be refused with the task.
+    """
+    number = {cycle: place for place, cycle in enumerate(target.cycles, start=1)}
+    steps = tuple(replace(step, cycle=number[step.cycle]) for step in target.steps)
+    wanted = number.get(scored_cycle, scored_cycle) if scored_cycle is not None else None
+    return target.picked(slice(None), steps), wanted
 
 
 def _as_asked(request: RecordRequest) -> Record:

@@ -42,5 +42,5 @@ def test_parts_at_rest_are_records_and_those_under_load_are_left_out() -> None:
     assert first.notes[0] == "as read."
     assert "silences: 2" in first.notes[1]
     assert "state of charge: 2;" in first.notes[1]
-    assert "1.33 h that begin under load are left out" in first.notes[1]
+    assert "1.33 h that begin under load or have less than 10 samples are left out" in first.notes[1]
     assert not second.notes
