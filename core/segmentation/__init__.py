@@ -75,7 +75,7 @@ def segment(
     cuts = np.union1d(_cuts(steps, numbers), begun)
     levels: list[Level] = []
     for stretch in _stretches(levels_of(signals, signs, cuts), cuts):
-        stretch = with_holds(signals, stretch)
+        stretch = with_holds(signals, stretch, levels[-1] if levels else None)
         levels += without_edges(signals, smoothed(signals, stretch))
     levels = with_drives(signals, levels)
     name_steps(signals, levels)

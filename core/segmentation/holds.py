@@ -22,8 +22,11 @@ HOLD_DECAY = 0.9
 """The current of a hold falls at least to this share of where it began."""
 
 
-def with_holds(signals: RecordSignals, levels: list[Level]) -> list[Level]:
-    """Join levels that fall while the voltage stands still, from the end of each stretch of one sign backwards."""
+def with_holds(signals: RecordSignals, levels: list[Level], earlier: Level | None = None) -> list[Level]:
+    """Join levels that fall while the voltage stands still, from the end of each stretch of one sign backwards.
+
+    ``earlier`` is the level before the first one, if there is any.
+    """
     band = HOLD_BAND_V + 4.0 * min(signals.voltage_noise, VOLTAGE_NOISE_V)
     extremes = [
         (float(piece.min()), float(piece.max()))
@@ -45,18 +48,18 @@ def with_holds(signals: RecordSignals, levels: list[Level]) -> list[Level]:
                 break
             low, high = wider
             begin -= 1
-        joined.extend(reversed(_hold(signals, levels, begin, end)))
+        joined.extend(reversed(_hold(signals, levels, begin, end, levels[begin - 1] if begin else earlier)))
         end = begin - 1
     joined.reverse()
     return _begin_holds(signals, _same_holds(signals, joined, band))
 
 
-def _hold(signals: RecordSignals, levels: list[Level], begin: int, end: int) -> list[Level]:
-    """The levels as one hold if they are one, else as they are."""
+def _hold(signals: RecordSignals, levels: list[Level], begin: int, end: int, earlier: Level | None) -> list[Level]:
+    """The levels as one hold if they are one, else as they are; ``earlier`` is the level before them."""
     start, stop = levels[begin].start, levels[end].stop
     first, last = abs(signals.current[start]), abs(signals.current[stop - 1])
     # A few falling samples at one voltage happen by chance in a drive; after constant current they are a hold.
-    follows = begin > 0 and levels[begin - 1].sign == levels[begin].sign and levels[begin - 1].long
+    follows = earlier is not None and earlier.sign == levels[begin].sign and earlier.long
     samples = LONG_SAMPLES if follows else 2 * LONG_SAMPLES
     enough = stop - start >= samples and signals.seconds(start, stop) >= BRIEF_S
     if begin == end or not enough or last > HOLD_DECAY * first or first - last < 6.0 * signals.noise:

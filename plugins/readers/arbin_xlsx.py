@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +38,8 @@ class ArbinXlsx:
     """Reads workbooks: ``Test_Time(s)``, ``Current(A)`` (positive on charge), ``Voltage(V)``.
 
     The sheets of a channel are joined. Of a workbook with several channels ``--sheet Channel_1-003`` chooses one;
-    statistics (one row for each cycle) are left out. Formulas are never evaluated: their stored values are read.
+    statistics (one row for each cycle) are left out. Other sheets are joined if one clock runs through all of them, or
+    with ``--join``. Formulas are never evaluated: their stored values are read.
     """
 
     def matches(self, path: Path) -> bool:
@@ -59,6 +61,8 @@ class ArbinXlsx:
             tables = _tables(book, name, options)
             parts = [replace(read_table(table, options), source=table.place[:-2]) for table in tables]
         if len(parts) > 1:
+            if not options.join:
+                _refuse_several_tests(parts, name)
             return joined(parts, path.name)
         return replace(
             parts[0], source=path.name, sheets=(parts[0].source,), sheet=np.zeros(len(parts[0]), dtype=np.int64)
@@ -107,6 +111,18 @@ def _meant(wanted: str, titles: Sequence[str], name: str) -> list[str]:
             f"{nearest} " * bool(nearest) + f"Sheets: {listed(titles)}.",
         )
     return found
+
+
+def _refuse_several_tests(parts: Sequence[Samples], name: str) -> None:
+    """Raise `BsaError` if sheets that are of no channel begin their clocks anew: they may be of several cells."""
+    titles = [part.source.removeprefix("sheet ") for part in parts]
+    for (before, after), title in zip(pairwise(parts), titles[1:], strict=True):
+        anew = bool(np.nanmin(after.time, initial=np.inf) < np.nanmax(before.time, initial=-np.inf))
+        if anew and _channel(title) is None:
+            raise BsaError(
+                f'{name} has {len(parts)} sheets of samples, and the clock begins anew in "{shown(title)}".',
+                f'choose one with --sheet "{shown(titles[0])}", or say --join if all are of one cell.',
+            )
 
 
 def _channel(title: str) -> str | None:

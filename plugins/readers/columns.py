@@ -114,6 +114,11 @@ class Column:
     unit: str | None  # Unit as written or said, folded to lower case; None where there is none.
     written: str | None = None  # Unit that the file has, where a person says another one.
 
+    @property
+    def has_known_unit(self) -> bool:
+        """Whether `in_si` knows its unit."""
+        return not self.unit or self.unit in _FACTORS[self.signal]
+
     def in_si(self, values: FloatArray) -> FloatArray:
         """Values in s, V, A or K; without a unit they are taken to be in s, V, A or degC."""
         if self.signal == "temperature":

@@ -64,7 +64,7 @@ def elapsed_s(
             "write them in seconds, as 26:10:00.5, or as 2024-03-01 10:00:00.",
         )
     since = _since_first(dates)
-    if not _ISO.match(first):
+    if not _says_its_order(first):
         other = _read(texts, day_first=not _day_first(first), first=first)
         if other is not None and not np.allclose(_since_first(other), since, equal_nan=True):
             raise BsaError(
@@ -96,6 +96,12 @@ def _day_first(first: str) -> bool:
     return found is not None and found["mark"] == "."
 
 
+def _says_its_order(first: str) -> bool:
+    """Whether a date tells the day from the month by how it is written: between points, or behind the year."""
+    found = _DAY.match(first.strip())
+    return found is not None and (found["mark"] == "." or int(found["a"]) > _MOST_DAYS)
+
+
 def seconds_of(texts: Sequence[str]) -> FloatArray | None:
     """Dates as seconds since 1970, NaN where a cell holds none; None where the column holds no dates.
 
@@ -119,7 +125,7 @@ def exchanged(texts: Sequence[str]) -> tuple[bool | None, FloatArray | None]:
     The first is None where no date tells it; the second is None where one does, or the way of writing.
     """
     days = [day for text in texts if (day := _DAY.match(text.strip()))]
-    if not days or days[0]["mark"] == "." or int(days[0]["a"]) > _MOST_DAYS:
+    if not days or _says_its_order(days[0].string):
         return None, None
     most_a, most_b = (max(int(day[key]) for day in days) for key in ("a", "b"))
     if max(most_a, most_b) > _MOST_MONTHS:

@@ -18,7 +18,7 @@ from ...core.record import ImpedancePart, ReadOptions
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.trajectory import FloatArray
 from .assembly import AnyTable, kelvin, numbers, told_apart_by
-from .columns import NAMES, ambient_in, half_cell, named, split_name, unit_of
+from .columns import NAMES, Column, ambient_in, half_cell, named, split_name, unit_of
 from .generic_csv import first_lines, is_text_table
 from .source import load_text
 from .table import Numbers, find_table, no_column
@@ -140,7 +140,14 @@ def spectrum_of(
     if impedance.imag[np.argmin(frequency[kept])] > 0:
         impedance = impedance.conj()
         said.append("the imaginary part is positive at the lowest frequency; it was taken to be -Im(Z) and turned.")
-    rest = None if voltage is None else _median(numbers(read.texts[voltage], True))
+    rest = None
+    if voltage is not None:
+        unit_v = unit_of(table.header, table.units, voltage)
+        column = Column("voltage", voltage, table.header[voltage], None if unit_v is None else unit_v.casefold())
+        if column.has_known_unit:
+            rest = _median(column.in_si(numbers(read.texts[voltage], True)))
+        else:
+            said.append(f'the unit of "{shown(column.name)}" is not known, and neither is the rest voltage.')
     around = None if ambient is None else _first(kelvin(ambient, read.texts[ambient.index], True))
     if options.ambient_c is not None:
         around = options.ambient_c + zero_Celsius

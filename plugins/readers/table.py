@@ -1,6 +1,7 @@
 """A table of numbers somewhere in a text: its header, its separator and its rows."""
 
 import csv
+import re
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,6 +16,13 @@ from ...core.trajectory import FloatArray
 from .source import MAX_SAMPLES
 
 _PREAMBLE_LINES = 200
+
+_SAYS_ITS_LENGTH = re.compile(r"Nb header lines\s*:\s*(\d{1,7})", re.IGNORECASE)
+"""How EC-Lab's text files say how many lines their header has: one for each loop, and so hundreds."""
+
+_ROWS_OF_COMMAS = 50
+"""Rows of numbers among which one with a decimal comma is looked for: the first ones may be whole numbers."""
+
 _SEPARATORS: tuple[str | None, ...] = (";", "\t", ",", None)
 _MISSING = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"})
 
@@ -108,14 +116,16 @@ def find_table(text: str, source: str) -> Table:
     """
     # `splitlines` would also cut at form feeds and the like, and row numbers would not be those of an editor.
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    start = min(len(lines), _PREAMBLE_LINES)
+    said = next(filter(None, map(_SAYS_ITS_LENGTH.search, lines[:_PREAMBLE_LINES])), None)
+    begin = 0 if said is None else max(int(said[1]) - 1, 0)
+    start = min(len(lines), begin + _PREAMBLE_LINES)
     for separator in _SEPARATORS:
         top = [_split(line, separator) for line in lines[:start]]
-        first = next((k for k in range(len(top)) if _numeric(top, k)), None)
+        first = next((k for k in range(begin, len(top)) if _numeric(top, k)), None)
         if first is None:
             continue
         header, units = _header(top, first)
-        comma = _has_decimal_commas(top[first], separator)
+        comma = any(map(_has_decimal_commas, top[first : first + _ROWS_OF_COMMAS]))
         return Table(source, header, units, partial(_rows, lines, first, separator, source), separator, comma)
     heading = next((line for line in lines[:start] if len(_split(line, ",")) > 1 or len(_split(line, ";")) > 1), None)
     if heading is not None:
@@ -147,10 +157,10 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _has_decimal_commas(cells: Sequence[str], separator: str | None) -> bool:
-    """Whether the first row of numbers has decimal commas; between commas, one beside a point parts thousands."""
-    commas = any("," in cell and "." not in cell for cell in cells)
-    return commas and not (separator == "," and any("." in cell and _is_number(cell) for cell in cells))
+def _has_decimal_commas(cells: Sequence[str]) -> bool:
+    """Whether a row of numbers has decimal commas; one beside a decimal point parts thousands."""
+    commas = any("," in cell and "." not in cell and _is_number(cell) for cell in cells)
+    return commas and not any("." in cell and _is_number(cell) for cell in cells)
 
 
 def _numeric(top: Sequence[Sequence[str]], index: int) -> bool:

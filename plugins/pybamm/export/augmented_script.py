@@ -74,7 +74,7 @@ def augmented_script(
         parameter_set=str(cell.parameter_set),
         embedded=parameter_values_json(cell, CellChange()) if isinstance(cell.parameter_set, ParameterFile) else "",
         model=augmented.model,
-        options=dict(augmented.options),
+        options={key: tuple(value) if isinstance(value, list) else value for key, value in augmented.options.items()},
         overrides=dict(cell.overrides),
         factors=dict(change.factors),
         effects=[quoted(number, effect, candidate) for number, effect in enumerate(effects, start=1)],

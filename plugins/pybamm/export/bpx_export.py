@@ -149,6 +149,10 @@ class _Writer:
         self._mention_heat(cell.options.get("thermal", "isothermal"))
         if self._number("Number of cells connected in series to make a battery") != 1:
             self._left_out.append("BPX describes a single cell; cells in series are not in the file.")
+        if cell.model not in ("DFN", "SPMe"):
+            self._left_out.append(
+                f"the cell was fitted with {cell.model}; the file has the parameters of a DFN, whose voltage differs."
+            )
         initial = {
             "Initial state-of-charge": self._within_limits(soc),
             "Initial temperature [K]": self._number("Initial temperature [K]"),

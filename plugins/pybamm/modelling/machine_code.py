@@ -20,6 +20,8 @@ from typing import TypeVar
 
 import casadi
 
+from .scratch import scratch_folder
+
 _FLAGS = ("-shared", "-fPIC", "-O1", "-ffp-contract=off", "-fno-builtin")
 """The last two keep every operation as CasADi carries it out. `-O2` and `-O3` take two to four times as long to compile
 and gain a tenth at most."""
@@ -121,7 +123,7 @@ class MachineCode:
         for function in self._deserialised():
             generator.add(function)
         source = str(generator.dump()).encode()
-        self._folder = tempfile.TemporaryDirectory(prefix="bsa-", ignore_cleanup_errors=True)
+        self._folder = scratch_folder()
         limited = ["sh", "-c", f'ulimit -t {math.ceil(_PATIENCE * self._price_s)} && exec "$@"', "sh"]
         self._process = subprocess.Popen(
             [*limited, program, *_FLAGS, "-x", "c", "-", "-o", _library(self._folder.name)],

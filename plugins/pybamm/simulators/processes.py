@@ -15,6 +15,7 @@ from ....core.errors import BsaError
 from ....core.run.interrupts import in_main_thread, interrupts_wait
 from ....core.run.parentage import end_with_parent
 from ....core.threads import one_thread_for_children
+from ..modelling.scratch import remove_scratch_of
 
 Job = TypeVar("Job", contravariant=True)
 Answer = TypeVar("Answer", covariant=True)
@@ -167,6 +168,7 @@ class Worker(Generic[Job, Answer]):
             return
         self._process.kill()
         self._process.join()
+        remove_scratch_of(self._process.pid)
         assert self.connection is not None
         self.connection.close()
         self._process = None

@@ -278,12 +278,15 @@ class DrivenCell:
             if reached < pause[1] and pause is not _NEVER:
                 stuck += 1
                 continue
-            drawn = float(np.interp(reached, self._drive.time, self._drive.current))
             step_end = float(self._stops[self._stops > reached + JUMP_S][0])
-            pauses.append(Pause(reached, step_end, drawn > 0))
+            pauses.append(Pause(reached, step_end, self._is_empty(float(parts[-1][1][-1]))))
             # Already over when the integrator goes on, so that the limit is not reached at once again.
             pause, stuck = (reached - 2 * JUMP_S, step_end), 0
         return "the cell is at its limit again as soon as no current passes"
+
+    def _is_empty(self, voltage: float) -> bool:
+        """Whether a cell at its limit is empty: a leak may empty it in a rest, where no current is measured."""
+        return voltage < float(np.mean(self._cell.window_v))
 
     def _beyond_cut_off(self, voltage: float) -> bool:
         """Whether a cell that the integrator gave up on was about to run empty or full: there its voltage collapses."""

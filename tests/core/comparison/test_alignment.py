@@ -132,3 +132,35 @@ def test_a_late_first_sample_says_nothing_of_the_switch(protocol) -> None:
     wrong = residuals(replace(task, experiments=(believed,)), Outcome((ExperimentRun(true),)))
     assert wrong is not None
     assert np.max(np.abs(wrong)) > 100.0
+
+
+def fast_charge(stages: list[int]) -> Trajectory:
+    """Stages of a fast charge, by their place in the protocol: each of 20 samples."""
+    parts = [(15.0, 60.0, 3.9, 4.0), (10.0, 600.0, 3.95, 4.1), (5.0, 900.0, 4.05, 4.2)]
+    time, current, voltage, clock = [], [], [], 0.0
+    for place in stages:
+        amperes, seconds, first_v, last_v = parts[place]
+        time.append(clock + np.linspace(0.0, seconds, 20))
+        current.append(np.full(20, -amperes))
+        voltage.append(np.linspace(first_v, last_v, 20))
+        clock += seconds
+    steps = tuple(Step(StepKind.CC_CHARGE, 20 * n, 20 * n + 20, 1, "", position) for n, position in enumerate(stages))
+    return Trajectory(np.concatenate(time), np.concatenate(current), np.concatenate(voltage), steps=steps)
+
+
+def test_a_stage_that_vanishes_does_not_shift_those_of_its_kind_behind_it() -> None:
+    experiment = Experiment("fast", fast_charge([0, 1, 2]), protocol=(("a", "b", "c"),))
+    pairs = pair_steps(fast_charge([1, 2]), experiment)
+    assert [None if pair.simulated is None else pair.simulated.duration for pair in pairs] == [None, 600.0, 900.0]
+
+
+def test_steps_are_matched_by_their_kind_where_the_record_has_more_of_them() -> None:
+    def cell(kinds: list[StepKind]) -> Trajectory:
+        steps = tuple(Step(kind, 20 * n, 20 * n + 20, 1, "", n) for n, kind in enumerate(kinds))
+        return Trajectory(np.arange(20.0 * len(kinds)), *(np.full(20 * len(kinds), v) for v in (1.0, 3.7)), steps=steps)
+
+    record_has = cell([StepKind.REST, StepKind.CC_DISCHARGE, StepKind.REST])
+    pairs = pair_steps(
+        cell([StepKind.CC_DISCHARGE, StepKind.REST]), Experiment("r", record_has, protocol=(("a", "b"),))
+    )
+    assert [pair.simulated is not None for pair in pairs] == [True, True, False]

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bsa.core.comparison.noise import noise_freedom, noise_of, rounding_that_stays
+from bsa.core.comparison.noise import noise_freedom, noise_of, resolution, rounding_that_stays
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -81,3 +81,9 @@ def test_a_short_record_and_a_drive_cycle_tell_nothing() -> None:
     short, drive = record(bending(20), 4.0), record(bending(900), 4.0, StepKind.DRIVE)
     assert noise_of(short, short.voltage) is None
     assert noise_of(drive, drive.voltage) is None
+
+
+def test_a_constant_that_rounding_moves_has_no_resolution() -> None:
+    values = np.full(120, 298.15)
+    values[::3] = np.nextafter(298.15, 400.0)
+    assert resolution(values) == pytest.approx(1e-6)

@@ -3,9 +3,10 @@ from dataclasses import replace
 import discovery_toy as toy
 import numpy as np
 import pytest
-from bsa.core.discovery.observations import observe
+from bsa.core.discovery.observations import observe, subset
 from bsa.core.discovery.problem import Problem
 from bsa.core.discovery.simulator import Prediction
+from bsa.core.errors import BsaError
 
 
 class Stairs(toy.ToySimulator):
@@ -85,3 +86,11 @@ def test_a_hold_out_record_that_starts_far_from_the_fitted_ones_gets_its_own_sta
     elsewhere = {"resistance factor": 1.2} | {one.measured_record.soc_name: 0.2 for one in problem.observations}
     ((_, error),) = problem.held_out((), elsewhere)
     assert np.sqrt(np.mean(error**2)) < 2 * problem.held_noise_v
+
+
+def test_a_record_of_few_averages_holds_out_a_part_that_it_has():
+    observed = observe(toy.measured_record("a", np.random.default_rng(0), {}), points=150)
+    (fitted,) = Problem(toy.ToySimulator(), [subset(observed, np.arange(len(observed)) < 12)]).fitted
+    assert 0 < np.count_nonzero(fitted) < 12
+    with pytest.raises(BsaError, match="none can be held out"):
+        Problem(toy.ToySimulator(), [subset(observed, np.arange(len(observed)) < 6)])

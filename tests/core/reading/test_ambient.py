@@ -6,6 +6,7 @@ from bsa.core.reading.ambient import ambient_of, lowest_k, measured_ambient, sta
 from bsa.core.reading.checks import to_record
 from bsa.core.reading.samples import Samples
 from bsa.core.record import ReadOptions
+from scipy.constants import zero_Celsius
 
 ROOM_K = 298.15
 HOUR = np.arange(0.0, 3601.0, 10.0)
@@ -79,3 +80,16 @@ def test_cycles_that_are_chosen_have_their_own_ambient_temperature() -> None:
     said = to_record(cycled(), ReadOptions(ambient_c=5.0))
     assert said.ambient_k == 278.15
     assert not any("ambient" in note for note in said.notes)
+
+
+def test_the_ambient_of_chosen_cycles_is_their_own() -> None:
+    time = np.arange(0.0, 14400.0, 20.0)
+    cycle = np.floor(time / 7200.0) + 1.0
+    discharging = time % 7200.0 < 3600.0
+    voltage = np.where(discharging, 4.1 - time % 7200.0 / 3600.0, 2.1 + time % 7200.0 / 3600.0)
+    celsius = np.where(cycle == 1.0, 25.0, 45.0)
+    samples = Samples(
+        "a.csv", time, voltage, np.where(discharging, -1.0, 1.0), celsius + zero_Celsius, extra={"cycle": cycle}
+    )
+    for cycles, ambient_c in (((1, 1), 25.0), ((2, 2), 45.0)):
+        assert to_record(samples, ReadOptions(cycles=cycles)).ambient_k == pytest.approx(ambient_c + zero_Celsius)

@@ -113,3 +113,11 @@ def test_a_switch_at_a_sample_needs_one_sample_more_however_a_counter_is_rounded
     mended = with_switches_counted(at_once)
     assert np.count_nonzero(mended.inserted) == 1
     assert mended.current[mended.inserted] == [0.0]
+
+
+def test_an_empty_cell_of_a_counter_tells_of_no_switch() -> None:
+    late = discharge_then_rest(1500.0)
+    place = int(np.flatnonzero(late.time > 1500.0)[0])
+    late.extra["net_ah"][place] = np.nan
+    assert np.isnan(counted_between(late)[[place - 1, place]]).all()
+    assert len(with_switches_counted(late)) == len(late)

@@ -44,3 +44,11 @@ def test_parts_at_rest_are_records_and_those_under_load_are_left_out() -> None:
     assert "state of charge: 2;" in first.notes[1]
     assert "1.33 h that begin under load or have less than 10 samples are left out" in first.notes[1]
     assert not second.notes
+
+
+def test_a_part_of_a_few_samples_is_no_record() -> None:
+    month_s = 30 * 86400.0
+    storage = record((0.0, 3600.0, 1.0), (month_s, 10.0, 0.0), (2 * month_s, 3600.0, 1.0))
+    (only,) = parts_between_gaps(storage)
+    assert len(only.trajectory) == 360
+    assert "less than 10 samples" in only.notes[1]

@@ -127,3 +127,15 @@ def test_a_charge_that_depends_on_when_the_current_was_switched_is_told():
     assert "switched between samples far apart (places: 2;" in said
     assert "another by up to 0.033 A.h (3.3 % of the largest)" in said
     assert "far apart" not in " ".join(summary(coarse(5.0)).problems)
+
+
+def test_a_relaxation_that_begins_with_the_last_sample_of_the_charge_has_no_largest_charge() -> None:
+    found = summary(record(np.concatenate([[-1.5], np.zeros(120)]), interval=30.0))
+    (problem,) = [one for one in found.problems if "switched between samples" in one]
+    assert problem.endswith("by up to 0.013 A.h.")
+
+
+def test_rests_alone_show_no_resistance() -> None:
+    rests = record(np.zeros(120))
+    steps = tuple(replace(rests.trajectory.steps[0], start=a, stop=a + 60) for a in (0, 60))
+    assert summary(replace(rests, trajectory=rests.trajectory.picked(slice(None), steps))).resistances == ()

@@ -297,3 +297,13 @@ def test_the_time_grows_no_faster_than_the_record(shape):
     small, large = min(seconds(5) for _ in range(3)), seconds(40)
     # Eight times the samples; quadratic growth would take 64 times as long.
     assert large < 30 * max(small, 0.005)
+
+
+def test_a_short_hold_behind_a_long_step_is_one_wherever_the_cycler_numbers_begin() -> None:
+    current = np.full(16, 0.25)
+    current[10] = 0.5
+    record = Trajectory(12.0 * np.arange(16), current, 3.7 - 0.03 * current)
+    numbers = np.repeat([1.0, 2.0], [10, 6])
+    kinds = [step.kind for step in segment(record).steps]
+    assert kinds == [StepKind.CC_DISCHARGE, StepKind.CV_HOLD]
+    assert [step.kind for step in segment(record, numbers).steps] == kinds

@@ -7,15 +7,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bsa.core.comparison.residuals import residuals
 from bsa.core.errors import BsaError
+from bsa.core.reading.checks import to_record
+from bsa.core.reading.samples import Samples
 from bsa.core.record import ReadOptions, Record
+from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.target import CellChange
 from bsa.core.task import ParameterFile, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.file_reading import FileReading
 from bsa.experiments.tasks.cell_for_records import WIDTH, volume_and_surface, with_chosen_potentials
 from bsa.experiments.tasks.measured_cell import CONTACT, RESISTANCE, CellRequest
-from bsa.experiments.tasks.record_request import RecordRequest
+from bsa.experiments.tasks.record_request import RECOGNISED, RecordRequest
 from bsa.experiments.tasks.records import build_task, holding_out
 from bsa.plugins.pybamm.cells.parameter_files import as_json
 from bsa.plugins.pybamm.cells.parameter_sets import load
@@ -422,3 +426,23 @@ def test_a_sample_of_two_moments_is_not_compared_unless_the_record_is_to_stay_as
     assert any(note.startswith("rested (held out): current and voltage of a sample") for note in task.notes)
     as_written = build_task("t", CellRequest("Chen2020", "SPM"), [RecordRequest(rested, kept)])
     assert not as_written.experiments[0].target.inserted.any()
+
+
+@pytest.mark.slow
+def test_cycles_of_a_simulated_protocol_are_counted_from_the_first_that_is_kept() -> None:
+    """A simulation that equals the record leaves nothing, whichever cycles of the file are chosen."""
+    once = np.arange(0.0, 10800.0, 20.0)
+    current = np.where(once < 3600.0, -5.0, np.where(once < 5400.0, 0.0, np.where(once < 9000.0, 5.0, 0.0)))
+    charging = np.clip(once - 5400.0, 0.0, 3600.0) / 3600.0
+    voltage = np.where(once < 3600.0, 4.0 - 1.2 * once / 3600.0, 2.8 + 1.2 * charging)
+    cycle = np.repeat([1.0, 2.0, 3.0], len(once))
+    time = np.concatenate([once + 10800.0 * number for number in range(3)])
+    samples = Samples("a.csv", time, np.tile(voltage, 3), np.tile(current, 3), extra={"cycle": cycle})
+    for cycles in (None, (2, 2), (2, 3)):
+        record = to_record(samples, ReadOptions(cycles=cycles))
+        task = build_task("t", CellRequest("Chen2020", "SPM"), [RecordRequest(record, protocol=RECOGNISED)])
+        (experiment,) = task.experiments
+        assert experiment.target.cycles == tuple(range(1, len(experiment.protocol or ()) + 1))
+        found = residuals(task, Outcome((ExperimentRun(experiment.target),)))
+        assert found is not None
+        assert np.allclose(found, 0.0)

@@ -107,3 +107,12 @@ class TestBioLogic(ReaderConformance):
     def file(self, tmp_path):
         mpr(tmp_path / "cell.mpr", {4: ("<f8", TIME), 6: ("<f4", VOLTS), 8: ("<f4", 1000 * AMPERES)})
         return tmp_path / "cell.mpr"
+
+
+def test_a_text_file_with_a_header_line_for_each_of_many_loops(tmp_path):
+    loops = [f"Loop {k} from point number {k} to {k + 1}" for k in range(300)]
+    head = ["EC-Lab ASCII FILE", f"Nb header lines : {len(loops) + 4}", *loops, ""]
+    rows = ("\t".join(map(repr, map(float, row))) for row in zip(TIME, VOLTS, 1000 * AMPERES, strict=True))
+    path = tmp_path / "a.mpt"
+    path.write_text("\n".join([*head, "time/s\tEwe/V\t<I>/mA", *rows]))
+    np.testing.assert_allclose(read_record(path).trajectory.voltage, VOLTS)

@@ -97,3 +97,16 @@ def test_whether_the_day_comes_first_may_be_told_by_one_date(texts, day_first):
     if other is not None:
         assert other[0] == seconds_of(["2024-04-03 10:00:00"])[0]
         assert seconds_of(texts)[0] == seconds_of(["2024-03-04 10:00:00"])[0]
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ("05.03.2024 22:00:00", "06.03.2024 01:00:00"),
+        ("2024/3/5 22:00:00", "2024/3/6 01:00:00"),
+        ("2024-3-5 22:00:00", "2024-3-6 01:00:00"),
+    ],
+)
+def test_dates_that_say_their_order_may_cross_midnight(first, second):
+    since, _ = elapsed_s([first, second], "a.csv", "Date")
+    assert since.tolist() == [0.0, 10800.0]

@@ -206,3 +206,15 @@ def test_the_ohmic_resistance_of_a_measured_cell(number, milliohm):
     assert len(spectrum) == 54
     assert 1e3 * spectrum.ohmic_resistance == pytest.approx(milliohm, abs=1.0)
     assert spectrum.temperature_k == 298.15
+
+
+@pytest.mark.parametrize(("unit", "volts"), [("mV", 3.7), ("V", 3700.0), ("kV", None)])
+def test_a_rest_voltage_is_in_its_unit(tmp_path, unit, volts):
+    rows = zip(FREQUENCY, IMPEDANCE.real, -IMPEDANCE.imag, strict=True)
+    lines = (",".join(map(repr, map(float, row))) + ",3700" for row in rows)
+    path = tmp_path / "eis.csv"
+    path.write_text("\n".join([f"Frequency (Hz),Z' (Ohm),-Z'' (Ohm),Voltage ({unit})", *lines]))
+    spectrum = read_file(path)
+    assert isinstance(spectrum, ImpedanceSpectrum)
+    assert spectrum.voltage == (None if volts is None else pytest.approx(volts))
+    assert any("not known" in note for note in spectrum.notes) == (volts is None)

@@ -451,3 +451,34 @@ def test_dates_and_spans_of_a_table_of_arrays_are_a_time():
     ):
         read = read_table(ArrayTable("a", ("Date Time", "U[V]", "I[A]"), [time, *columns]), ReadOptions())
         np.testing.assert_allclose(read.time, seconds)
+
+
+def test_sheets_of_no_channel_are_joined_where_one_clock_runs_through_them(tmp_path):
+    one = cycling(1)
+    path = tmp_path / "cell.xlsx"
+    workbook(path, {"Cell A": (0, one), "Cell B": (10_000, one)})
+    with pytest.raises(BsaError, match='the clock begins anew in "Cell B"') as raised:
+        read_record(path)
+    assert '--sheet "Cell A"' in raised.value.hint
+    assert len(read_record(path, ReadOptions(join=True)).trajectory) == 2 * len(one)
+    later = one.changed(time=one.time + 10_000.0)
+    workbook(path, {"Data": (0, one), "Data (2)": (0, later)})
+    assert len(read_record(path).trajectory) == 2 * len(one)
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_commas_that_part_thousands_are_refused_whatever_parts_the_cells(tmp_path, separator):
+    path = tmp_path / "a.txt"
+    rows = ([f"{10 * k}.0", f"{4.19 - 0.001 * k:.4f}", "-2,000"] for k in range(50))
+    path.write_text(
+        separator.join(["Time (s)", "Voltage (V)", "Current (mA)"]) + "\n" + "\n".join(map(separator.join, rows))
+    )
+    with pytest.raises(BsaError, match='"-2,000" is not a number'):
+        read_record(path)
+
+
+def test_decimal_commas_are_seen_below_a_row_of_whole_numbers(tmp_path):
+    path = tmp_path / "a.csv"
+    rows = (f"{30 * k};{'4' if k == 0 else f'3,{990 - k}'};-2" for k in range(50))
+    path.write_text("Time [s];U [V];I [A]\n" + "\n".join(rows))
+    assert read_record(path).trajectory.voltage[1] == 3.989

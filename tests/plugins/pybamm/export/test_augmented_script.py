@@ -129,3 +129,11 @@ def test_a_function_with_some_of_its_arguments_is_quoted_with_them():
     script = {}
     exec(quoted(1, effect, {})["source"], script)
     assert script["values_1"]({}, {"rate": 2.0}) == {"A 'b' [m]": 0.5}
+
+
+def test_an_option_that_is_a_pair_stays_one():
+    measured_record = MeasuredRecord("a", record(), 298.15)
+    cell = CellModel("Chen2020", "SPM", {"particle": ["Fickian diffusion", "uniform profile"]})
+    text = augmented_script(cell, (), {measured_record.soc_name: 0.9}, {}, [measured_record])
+    assigned = {node.targets[0].id: node.value for node in ast.parse(text).body if isinstance(node, ast.Assign)}
+    assert ast.literal_eval(assigned["OPTIONS"])["particle"] == ("Fickian diffusion", "uniform profile")

@@ -162,3 +162,9 @@ def test_a_separator_of_nothing_but_electrolyte_is_read_back() -> None:
     assert load("Marquis2019")["Separator porosity"] == 1.0
     values = read_values(parsed("b.json", to_bpx(cell, CellChange(), RUN, "x").text))
     assert values["Separator Bruggeman coefficient (electrolyte)"] == pytest.approx(1.5, abs=1e-6)
+
+
+def test_a_file_of_a_cell_that_was_fitted_with_another_model_says_so() -> None:
+    (said,) = to_bpx(CellModel("Chen2020", "SPM"), CellChange(), RUN, "x").left_out
+    assert "fitted with SPM" in said
+    assert not to_bpx(CellModel("Chen2020", "DFN"), CellChange(), RUN, "x").left_out

@@ -223,3 +223,13 @@ def largest_difference(time, values, reference_time, reference):
         others = reference[near] if near.any() else np.interp([moment], reference_time, reference)
         differences.append(np.min(np.abs(others - value)))
     return max(differences)
+
+
+@pytest.mark.slow
+def test_a_factor_of_what_an_override_made_a_number_is_in_the_script():
+    diffusivity = "Negative particle diffusivity [m2.s-1]"
+    cell = CellModel("OKane2022", "SPM", overrides={diffusivity: 3e-14})
+    experiment = Experiment("r", NOTHING, (("Discharge at 1C for 60 s",),))
+    factor = f"{diffusivity} factor"
+    made = namespace_of(script(task_of(cell, experiment, factor), {factor: 2.0}), "script")
+    assert made["parameter_values"]()[diffusivity] == pytest.approx(6e-14)
