@@ -17,7 +17,7 @@ from ..core.shape import decoding, shaped
 from ..core.task import ParameterFile
 from .discovery_case import DiscoverOptions
 from .run import go_on, versions
-from .tasks.parameter_source import is_run, parameter_source
+from .tasks.parameter_source import is_run, names_a_set, parameter_source
 
 KIND = "discovery"
 
@@ -97,7 +97,7 @@ def _dumped(options: DiscoverOptions) -> dict[str, Any]:
     for file in (*content["data"], *content["holdout"]):
         file["path"] = str(Path(file["path"]).absolute())
         file["joined"] = [str(Path(path).absolute()) for path in file["joined"]]
-    if Path(options.parameters).exists():
+    if not names_a_set(options.parameters) and Path(options.parameters).exists():
         content["parameters"] = str(Path(options.parameters).absolute())
     content["search"] = _absolute(content["search"])
     return content
@@ -106,7 +106,7 @@ def _dumped(options: DiscoverOptions) -> dict[str, Any]:
 def _digests(options: DiscoverOptions) -> dict[str, str]:
     """Digests of all files that are read, by path."""
     given = [file_and_part(path)[0] for file in (*options.data, *options.holdout) for path in file.files]
-    if (parameters := Path(options.parameters)).is_file():
+    if not names_a_set(options.parameters) and (parameters := Path(options.parameters)).is_file():
         given.append(parameters)
     found: dict[str, str] = {}
     for path in given:

@@ -43,7 +43,11 @@ class ScoredRecords:
     @property
     def notes(self) -> tuple[str, ...]:
         """What was assumed or repaired of these records, and what is worth noticing."""
-        return tuple(note for note in self.run.task.notes if "(held out)" in note)
+        return tuple(filter(_of_held_out, self.run.task.notes))
+
+
+def _of_held_out(note: str) -> bool:
+    return "(held out)" in note
 
 
 def predict_records(
@@ -58,7 +62,8 @@ def predict_records(
     run = read_run(folder)
     if not run.best.ok:
         raise BsaError(f"no simulation of {folder} ran to its end.", "a run that fits nothing predicts nothing.")
-    task = holding_out(replace(run.task, held_out=()), requests)
+    notes = tuple(note for note in run.task.notes if not _of_held_out(note))
+    task = holding_out(replace(run.task, held_out=(), notes=notes), requests)
     scaffold = Scaffold.model_validate(
         {"name": "predict", "simulator": run.config["scaffold"]["simulator"], "proposer": "default"}
     )

@@ -143,8 +143,6 @@ def discover(
         temperature,
     )
     records = records_of(data, holdout, reads, initial_soc, life=life, fit_cycles=fit_cycles)
-    if not records.sources:
-        raise BsaError("data is empty.", "give one record at least.")
     asked = discover_options(
         records,
         None if out is None else Path(out),

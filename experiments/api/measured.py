@@ -151,6 +151,8 @@ def records_of(
         If one is no data, or the options do not fit them.
     """
     fitted = listed(data)
+    if data is not None and not fitted:
+        raise BsaError("data is empty.", "give one record at least.")
     everything = [*fitted, *listed(holdout)]
     each = one_each(reads, len(everything))
     read = zip(everything, each, strict=True)

@@ -13,7 +13,7 @@ from ...core.shape import decoding, mapping_with, shaped
 from ...core.yaml_text import YAML_SUFFIXES
 from .cell import Axes, Cell, Report
 from .columns import COLUMNS, Facts
-from .store import FAILURE, FINAL, MANIFEST, OUTAGE, Store, read_result
+from .store import FAILURE, FINAL, GRIDS, MANIFEST, OUTAGE, Store, read_result
 from .summary import Row
 
 _BEGINNING = b'{"grid": {'
@@ -76,6 +76,13 @@ def _methods(axes: Sequence[Axes]) -> dict[tuple[str, str], str]:
         (scaffold, name): scaffold if len(backends[scaffold]) == 1 else name if alone else f"{scaffold} · {name}"
         for scaffold, name in pairs
     }
+
+
+def store_of(grid: str | Path, store: Path) -> Store:
+    """The store that holds a campaign: of one that is given by its folder, the store that this lies in."""
+    folder = Path(grid).absolute()
+    inside = (folder / MANIFEST).is_file() and folder.parent.name == GRIDS
+    return Store(folder.parent.parent if inside else store)
 
 
 def grid_folder(grid: str | Path, store: Store) -> Path:

@@ -28,7 +28,9 @@ RESULT, TRACE, FAILURE, MANIFEST = "result.json", "trace.json", "failure.json", 
 
 _METRICS = frozenset(PaperMetrics.__dataclass_fields__)
 
-_PARTS = frozenset({"cells", "grids", "places", "tasks"})
+GRIDS = "grids"
+
+_PARTS = frozenset({"cells", GRIDS, "places", "tasks"})
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ class Store:
 
     def grid(self, name: str) -> Path:
         """The folder of a campaign: its manifest, tables, figures and page."""
-        return self.root / "grids" / name
+        return self.root / GRIDS / name
 
     def places(self, backend: str, address: str) -> Path:
         """The folder of the places at a language model; another server has places of its own."""

@@ -12,7 +12,7 @@ from ...core.files import begins, entries, foreign, write_text
 from ...core.printable import counted
 from ..report.wording import NOTHING
 from .columns import COLUMNS
-from .results import grid_folder, read_manifest, rows_of, write_rows
+from .results import grid_folder, read_manifest, rows_of, store_of, write_rows
 from .statistics import Comparison, compare
 from .store import Store
 from .summary import Row, Statistic, grouped, mean_of, paper_rows, ranks, statistic
@@ -91,7 +91,7 @@ def open_campaign(grid: str | Path, store: Path = RESULTS, metric: str = "mape")
     """
     if metric not in METRICS:
         raise unknown(f'there is no error "{metric}".', metric, METRICS)
-    place = Store(store)
+    place = store_of(grid, store)
     folder = grid_folder(grid, place)
     manifest = read_manifest(folder)
     rows = rows_of(manifest, place)

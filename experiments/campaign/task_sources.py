@@ -1,5 +1,6 @@
 """From the tasks that a grid names to tasks in the store, with the words by which tables group them."""
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -16,6 +17,12 @@ from .calibration import TaskLabel
 from .grid_file import SuiteFilter, TaskChoice
 from .identity import versions_of_study
 from .store import Store
+
+_USUAL_CASES = 40
+"""Cases of a suite that is drawn, where nobody says how many."""
+
+_NUMBER = re.compile(r"(\d{1,4})$")
+"""The number of a case at the end of its key."""
 
 Say = Callable[[str], None]
 
@@ -68,9 +75,18 @@ def _from_suite(wanted: SuiteFilter, store: Store, say: Say, make: bool) -> Iter
             yield _case(case, wanted.search, start, store, say, make)
 
 
+def _count(cases: int | str | list[str] | None) -> int:
+    """How many cases of a drawn suite there are to choose from: up to the last one that is named."""
+    if isinstance(cases, int):
+        return cases
+    named = cases.split(",") if isinstance(cases, str) else cases or []
+    numbers = [int(found[1]) for key in named if (found := _NUMBER.search(key.strip()))]
+    return max(_USUAL_CASES, *(1 + number for number in numbers), 0)
+
+
 def suite_cases(wanted: SuiteFilter) -> dict[str, SuiteCase]:
     """The cases that a filter takes, by key. Raises `BsaError` if the filter leaves nothing."""
-    count = wanted.cases if isinstance(wanted.cases, int) else 40
+    count = _count(wanted.cases)
     cases = load_suite(
         wanted.suite,
         wanted.folder,

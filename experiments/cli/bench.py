@@ -52,16 +52,19 @@ class Cases:
 
     def filter(self, seed: int) -> SuiteFilter:
         """The cases; of the random suite those of a seed."""
+        from ...core.validation import validated
         from ..campaign.grid_file import SuiteFilter
 
-        return SuiteFilter.model_validate(
+        return validated(
+            SuiteFilter,
             {
                 "suite": self.suite,
                 "cases": int(self.cases) if self.cases and self.cases.isdigit() else self.cases,
                 "folder": self.published,
                 "noise_mv": self.noise_mv,
                 "draw": seed if self.suite == "random" else 0,
-            }
+            },
+            "the cases",
         )
 
 

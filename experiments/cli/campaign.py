@@ -248,7 +248,8 @@ def print_outcome(plan: Plan[Any], rows: list[Row]) -> None:
             entries = ", ".join("–" if value is None else str(value) for value in values)
             print(f"  {printable(method):32s} {entries}")
     where = plan.name if plan.folder == plan.store.grid(plan.name) else plan.folder
-    print(f"\n{plan.folder / 'cells.csv'}\nbsa report {where} writes the page.")
+    elsewhere = "" if plan.store.root == RESULTS else f" --store {plan.store.root}"
+    print(f"\n{plan.folder / 'cells.csv'}\nbsa report {where}{elsewhere} writes the page.")
 
 
 def finish(rows: list[Row]) -> None:
@@ -263,6 +264,8 @@ def finish(rows: list[Row]) -> None:
             them = "it" if len(left) == 1 else "them"
             again = f"goes on with {them}" if state == "stopped" else f"runs {them} again"
             end = "" if reason.endswith(".") else "."
-            say(f"{counted(len(left), 'cell')} {state}{reason}{end} The same command {again}.")
+            # A cell whose task could not be made has no identity: first its cause is to be mended.
+            what_next = f" The same command {again}." if any(row["identity"] for row in left) else ""
+            say(f"{counted(len(left), 'cell')} {state}{reason}{end}{what_next}")
     if any(row["state"] != "done" for row in rows):
         raise typer.Exit(1)

@@ -21,13 +21,24 @@ def export(
     ] = None,
 ) -> None:
     """Write the best parameters of a run as BPX or as PyBaMM's parameter values."""
-    from ...core.files import write_text
+    from ...core.files import foreign, write_text
     from ..export_cell import FILES, exported
     from .progress import printable
 
-    text, remarks = exported(run, to)
     path = out or run / FILES[to]
+    if path.exists() and not _is_exported(path):
+        raise foreign(path, "an exported cell")
+    text, remarks = exported(run, to)
     write_text(path, text)
     for remark in remarks:
         print(printable(remark, 400))
     print(path)
+
+
+def _is_exported(path: Path) -> bool:
+    """Whether a file holds an earlier export, which may be written anew."""
+    from ...core.files import read_json
+
+    content = read_json(path) or {}
+    header = content.get("Header")
+    return (isinstance(header, dict) and "BPX" in header) or "Nominal cell capacity [A.h]" in content

@@ -5,7 +5,9 @@ from typing import Any
 
 from typer.core import TyperCommand
 
+from ...core.errors import BsaError
 from ...core.reading.part_of_file import file_and_part
+from ...core.run.journal import FILE_NAME
 from .usage_errors import usage_refused
 
 RECORD_OPTIONS = ("--data", "--holdout")
@@ -32,6 +34,8 @@ def one_option_a_file(arguments: Sequence[str]) -> list[str]:
         if argument == "--":
             return [*written, *arguments[place:]]
         if argument.startswith("-"):
+            if awaits_value:
+                raise BsaError(f"{option} has no value.", "give one file at least behind it.")
             name, sign, _ = argument.partition("=")
             option = name if name in RECORD_OPTIONS else ""
             awaits_value = bool(option) and not sign
@@ -47,4 +51,6 @@ def one_option_a_file(arguments: Sequence[str]) -> list[str]:
 
 def _may_be_a_record(argument: str) -> bool:
     path, _ = file_and_part(argument)
+    if (path / FILE_NAME).is_file():  # a run, whose name has a point
+        return False
     return path.suffix.lower() not in _TASK_FILES and (bool(path.suffix) or path.is_file())

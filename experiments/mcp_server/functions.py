@@ -149,6 +149,25 @@ def simulations_of(folder: Path) -> int | None:
     return allowed if isinstance(allowed, int) else None
 
 
+def begun_with(folder: Path) -> tuple[Mapping[str, Any], list[str]]:
+    """The settings with which a calibration or discovery was begun, and the files that it reads anew when it goes on.
+
+    Both are empty where no run was begun.
+    """
+    first = next(iter(read_events(folder)), {})
+    config = first.get("config")
+    if isinstance(config, Mapping):
+        return config, []  # a calibration keeps its records in the journal
+    options = first.get("options")
+    if not isinstance(options, Mapping):
+        return {}, []
+    files = [file for name in ("data", "holdout") for file in options.get(name) or ()]
+    paths = [path for file in files for path in (file["path"], *file.get("joined", ()))]
+    parameters, search = options.get("parameters"), options.get("search")
+    paths += [given for given in (parameters, search) if isinstance(given, str) and Path(given).is_absolute()]
+    return options, paths
+
+
 def _task(data: str | list[Path], options: Mapping[str, Any], cell: Mapping[str, Any]) -> Task:
     """The task of that name, or of matching records."""
     if isinstance(data, str):

@@ -46,6 +46,9 @@ Resume = Annotated[str | None, Field(description="Go on with the stopped run in 
 
 P = ParamSpec("P")
 
+_BACKEND = "rules"
+"""The backend that is asked: the assistant is a language model itself."""
+
 
 def told(tool: Callable[P, Awaitable[Json]]) -> Callable[P, Awaitable[Json]]:
     """The tool with its `BsaError` as an error that the assistant reads: message and hint."""
@@ -170,14 +173,30 @@ class Tools:
     ) -> Json:
         if resume is not None:
             folder = self._folders.inside(resume)
+            self._check_resumed(folder)
             options: Json = {"resume": folder, **({} if simulations is None else {"simulations": simulations})}
             simulations = simulations or simulations_of(folder)
             return await carried_out(context, function, {"options": options}, folder, simulations)
         found = self._data(data)
         options = {"data": found, **cell.given(self._folders), **method}
-        options |= {} if isinstance(found, str) else reading.options()
+        if isinstance(found, str):
+            _check_of_task(found, cell, reading)
+        else:
+            options |= reading.options()
         with self._new_folder(out, found) as folder:
             return await carried_out(context, function, {"options": {**options, "out": folder}}, folder, simulations)
+
+    def _check_resumed(self, folder: Path) -> None:
+        """Refuse what asks a language model, or reads files outside the folders: others may have begun it."""
+        config, paths = functions.begun_with(folder)
+        asked = config.get("backend")
+        if asked not in (None, _BACKEND) or config.get("backend_options"):
+            raise BsaError(
+                f'{shown(folder.name)} asks the backend "{shown(asked)}", which this server does not.',
+                "go on with it by bsa run --resume or bsa discover --resume.",
+            )
+        for path in paths:
+            self._folders.inside(path)
 
     def _new_folder(self, out: str | None, data: str | list[Path]) -> AbstractContextManager[Path]:
         """The folder of a new run; two calls at once are given two."""
@@ -186,7 +205,10 @@ class Tools:
         return reserved_folder(self._folders.inside("runs"), data if isinstance(data, str) else named_after(data))
 
     def _asked(self, data: str | list[str], values: Mapping[str, float], cell: Cell, reading: Reading) -> Json:
-        said = {"data": self._data(data), "cell": cell.given(self._folders), "options": reading.options()}
+        found = self._data(data)
+        if isinstance(found, str):
+            _check_of_task(found, cell, reading)
+        said = {"data": found, "cell": cell.given(self._folders), "options": reading.options()}
         return {**said, "values": dict(values)}
 
     def _data(self, data: str | list[str]) -> str | list[Path]:
@@ -200,6 +222,17 @@ class Tools:
         if isinstance(data, str) and is_name(data) and not (self._folders.first / data).exists():
             return data
         return [self._folders.file(name) for name in names]
+
+
+def _check_of_task(task: str, cell: Cell, reading: Reading) -> None:
+    """Refuse what goes with records where a task was named, which has its own."""
+    given = [name for said in (cell, reading) for name in said.model_dump(exclude_defaults=True)]
+    if given:
+        raise BsaError(
+            f'{", ".join(sorted(given))} {"goes" if len(given) == 1 else "go"} with records, but "{task}" is a task, '
+            "which has its own.",
+            "give records as data, or leave that out.",
+        )
 
 
 class Server(MCPServer[Any]):

@@ -35,7 +35,7 @@ def parameter_source(given: ParameterSource) -> ParameterSource:
         return given
     path = Path(given)
     run = _run_at(path)
-    if run is not None and not _names_a_set(given):
+    if run is not None and not names_a_set(given):
         return calibrated(run)
     if path.suffix.lower() != ".json":
         return given
@@ -63,7 +63,8 @@ def _run_at(path: Path) -> Path | None:
     return folder if (folder / JOURNAL).is_file() else None
 
 
-def _names_a_set(given: str) -> bool:
+def names_a_set(given: str) -> bool:
+    """Whether this is the name of an installed parameter set, or stands for one: never that of a file or folder."""
     from ...plugins.pybamm.cells.parameter_sets import set_names
 
     return given in (*set_names(), NEAREST)

@@ -137,6 +137,7 @@ def _task(file: SignalTaskFile, folder: Path) -> Task:
         tuple(_experiment(record, wanted, folder, notes) for record in records)
         for records in (file.records, file.held_out)
     )
+    _check_names([experiment.name for experiment in (*experiments, *held_out)])
     return Task(
         file.name,
         CellModel("", file.model or file.simulator, file.options, file.fixed),
@@ -149,6 +150,13 @@ def _task(file: SignalTaskFile, folder: Path) -> Task:
         held_out=held_out,
         weight=file.weight,
     )
+
+
+def _check_names(names: Sequence[str]) -> None:
+    """Raise `BsaError` if two records have one name: errors and curves are told by it."""
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise BsaError(f'{names.count(twice)} records are named "{twice}".', "give each a name of its own: name: ...")
 
 
 def _experiment(record: SignalRecord, signals: Sequence[Signal], folder: Path, notes: list[str]) -> Experiment:

@@ -75,3 +75,10 @@ def test_other_versions_are_told(asked, tmp_path, monkeypatch):
     monkeypatch.setattr(run, "version", lambda name: "2.0" if name == "pybamm" else "1.0")
     (told,) = resume(tmp_path / "out")
     assert told.endswith("with other versions than the run began with: pybamm 1.0 -> 2.0.")
+
+
+def test_a_folder_that_is_called_like_the_parameter_set_is_no_base_model(asked, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    begin(asked(parameters="Chen2020", out=tmp_path / "Chen2020"))
+    assert resume(tmp_path / "Chen2020") == []
+    assert next(read_events(tmp_path / "Chen2020"))["options"]["parameters"] == "Chen2020"

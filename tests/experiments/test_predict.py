@@ -13,6 +13,7 @@ from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import Trajectory
 from bsa.experiments.cli.main import app
 from bsa.experiments.read_options import reading
+from bsa.experiments.run_record import read_run
 from bsa.experiments.task_request import CellChoice, Records, task_of_records
 from bsa.plugins.pybamm.cells.parameter_sets import load
 from bsa.plugins.pybamm.modelling.resolution import REFERENCE
@@ -225,3 +226,10 @@ def test_a_run_that_was_not_analysed_says_how_a_band_comes(fitted, tmp_path) -> 
     result = CliRunner().invoke(app(), arguments)
     assert result.exit_code == 0, result.output
     assert f"to find out: bsa-run --resume '{folder}'" in result.stderr
+
+
+@pytest.mark.slow
+def test_notes_of_records_that_the_run_held_out_are_not_told_of_another(fitted) -> None:
+    at_rest = fitted.predict(bsa.read_record(measured(0.5, 20), name="half"), workers=1)
+    assert any("twice (held out)" in note for note in read_run(fitted.folder).task.notes)
+    assert not any("twice (held out)" in note for note in at_rest.to_json()["notes"])

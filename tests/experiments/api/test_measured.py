@@ -78,3 +78,9 @@ def test_a_missing_cell_is_repaired_as_in_a_file() -> None:
     data.loc[5, "voltage"] = np.nan
     record = bsa.read_record(data)
     assert any("6" in note for note in record.notes)
+
+
+@pytest.mark.parametrize("function", [bsa.calibrate, bsa.discover])
+def test_an_empty_list_of_records_is_refused_in_a_line(function) -> None:
+    with pytest.raises(BsaError, match="data is empty"):
+        function([], parameters="Chen2020")

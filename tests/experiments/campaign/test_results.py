@@ -14,7 +14,7 @@ from bsa.experiments.campaign.figures import _medians, pareto
 from bsa.experiments.campaign.results import rows_of, write_rows
 from bsa.experiments.campaign.running import run_campaign
 from bsa.experiments.campaign.store import Store
-from bsa.experiments.campaign.tables import EFFORT, Campaign, blocks, effort, latex, markdown, tables
+from bsa.experiments.campaign.tables import EFFORT, Campaign, blocks, effort, latex, markdown, open_campaign, tables
 from bsa.experiments.campaign.trace import read_trace
 
 from .conftest import Here, Quiet, noted
@@ -214,3 +214,8 @@ def test_a_name_that_no_grid_has_is_answered_with_those_that_were_run(finished):
     assert raised.value.hint == 'did you mean "toys"?'
     with pytest.raises(BsaError, match="bsa grid main-table runs it"):
         tables("main-table", finished.store.root)
+
+
+def test_a_campaign_that_is_given_by_its_folder_is_read_from_its_own_store(finished, tmp_path):
+    campaign = open_campaign(finished.store.grid("toys"), tmp_path / "another store")
+    assert [row["state"] for row in campaign.rows] == ["done"] * 4

@@ -4,7 +4,7 @@ import pytest
 from bsa.core.errors import BsaError
 from bsa.experiments.campaign.grid_file import SuiteFilter, load_grid
 from bsa.experiments.campaign.store import Store
-from bsa.experiments.campaign.task_sources import gather
+from bsa.experiments.campaign.task_sources import gather, suite_cases
 from bsa.experiments.suite.case import SuiteCase
 from bsa_toy_cell import toy_task
 
@@ -42,3 +42,8 @@ def test_a_filter_that_leaves_nothing_says_of_what(one_case, tmp_path):
     with pytest.raises(BsaError) as refused:
         gather([wanted], Store(tmp_path), tmp_path)
     assert words in str(refused.value)
+
+
+def test_a_case_of_a_drawn_suite_can_be_named_by_any_number():
+    (key,) = suite_cases(SuiteFilter(suite="lives", cases="life-45"))
+    assert key == "life-45"

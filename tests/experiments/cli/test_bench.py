@@ -29,3 +29,8 @@ def test_a_budget_that_is_no_number_of_simulations_is_refused_before_anything_is
     with pytest.raises(BsaError, match="--own-budget"):
         suite_command(suite="generated", cases="1", own_budget=[budget], out=tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_suite_that_is_none_is_refused_in_a_line(tmp_path):
+    with pytest.raises(BsaError, match="it must be 'published', 'generated', 'random' or 'lives'"):
+        suite_command(suite="foo", out=tmp_path / "out")

@@ -54,7 +54,9 @@ def test_dry_run_runs_nothing(call):
 
 def test_the_words_of_a_server_do_not_steer_the_terminal(capsys):
     with pytest.raises(typer.Exit):
-        finish([{"state": "failed", "task": "t", "reason": "server says \x1b]0;owned\x07\x1b[2Jhello"}])
+        finish(
+            [{"state": "failed", "task": "t", "identity": "1a", "reason": "server says \x1b]0;owned\x07\x1b[2Jhello"}]
+        )
     told = capsys.readouterr().err
     assert "hello. The same command runs it again." in told
     assert all(character.isprintable() for character in told.strip())

@@ -99,3 +99,12 @@ def test_numbers_for_another_number_of_files_are_refused(discharges: list[str]) 
     assert "given 2 times for 3 records" in said("--constant-current=-1", "--constant-current=-4").message
     twice_and_thrice = ["--constant-current=-1"] * 2 + ["--temperature=10"] * 3
     assert said(*twice_and_thrice).message == "--constant-current 2 times, --temperature 3 times were given."
+
+
+def test_an_option_without_a_file_and_a_run_whose_name_has_a_point(tmp_path, monkeypatch):
+    with pytest.raises(BsaError, match="--data has no value"):
+        one_option_a_file(["--data", "--parameters", "Chen2020"])
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "run.v2").mkdir()
+    (tmp_path / "run.v2" / "journal.jsonl").write_text("{}\n")
+    assert one_option_a_file(["--data", "a.csv", "run.v2"]) == ["--data", "a.csv", "run.v2"]

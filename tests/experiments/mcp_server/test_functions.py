@@ -36,3 +36,14 @@ def test_parameters_by_a_name_are_an_installed_set(function: Any, started_in: Pa
 def test_values_are_tried_in_an_installed_set(function: Any, started_in: Path) -> None:
     with pytest.raises(BsaError, match='there is no parameter set "run"'):
         function([started_in / "records" / "a.csv"], {}, {"parameters": "run"}, {})
+
+
+def test_what_a_journal_names_is_known_before_it_is_gone_on_with(monkeypatch: pytest.MonkeyPatch) -> None:
+    options = {"data": [{"path": "/a.csv", "joined": ["/b.csv"]}], "holdout": [], "parameters": "/run", "search": "all"}
+    for event, expected in [
+        ({"config": {"backend": "manual"}}, ({"backend": "manual"}, [])),
+        ({"options": options}, (options, ["/a.csv", "/b.csv", "/run"])),
+        ({}, ({}, [])),
+    ]:
+        monkeypatch.setattr(functions, "read_events", lambda folder, event=event: iter([event]))
+        assert functions.begun_with(Path("run")) == expected

@@ -12,6 +12,7 @@ from typing import Any
 import anyio
 import pandas as pd
 import pytest
+from bsa.core.errors import BsaError
 from bsa.core.run.journal import read_events
 from bsa.experiments.mcp_server.functions import simulations_of
 from bsa.experiments.tasks.find import PACKAGED
@@ -207,3 +208,36 @@ def test_a_calibration_that_is_cancelled_stops_and_can_go_on(use: Use, tmp_path:
 def ended(folder: Path) -> bool:
     """Whether the run has written that it ended, and its results."""
     return any(event["event"] == "end" for event in read_events(folder)) and (folder / "report.html").is_file()
+
+
+@pytest.mark.parametrize(
+    ("cell", "reading", "given"),
+    [({"model": "SPM"}, {}, "model goes"), ({}, {"temperature": 25.0}, "temperature goes"), ({}, {}, "")],
+)
+def test_a_task_has_its_own_cell_and_its_own_way_of_reading(cell: Any, reading: Any, given: str) -> None:
+    asked = server.Cell.model_validate(cell), server.Reading.model_validate(reading)
+    if not given:
+        server._check_of_task("demo", *asked)
+        return
+    with pytest.raises(BsaError, match=f'{given} with records, but "demo" is a task'):
+        server._check_of_task("demo", *asked)
+
+
+@pytest.mark.slow
+def test_a_run_that_asks_a_backend_or_reads_elsewhere_is_not_gone_on_with(use: Use, tmp_path: Path) -> None:
+    events = {
+        "asks": {"event": "run", "config": {"backend": "manual", "backend_options": {"exchange": "/elsewhere"}}},
+        "reads": {
+            "event": "discovery",
+            "options": {"data": [{"path": "/etc/passwd", "joined": []}], "parameters": "x"},
+        },
+    }
+    for name, event in events.items():
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "journal.jsonl").write_text(json.dumps(event) + "\n")
+
+    async def act(client: Client) -> None:
+        assert 'asks the backend "manual"' in await refused(client, "calibrate", resume="asks")
+        assert "lies outside the folders" in await refused(client, "discover", resume="reads")
+
+    use(act)

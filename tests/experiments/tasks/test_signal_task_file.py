@@ -160,3 +160,8 @@ def test_a_file_that_is_no_json_is_told_apart() -> None:
     assert "is not valid JSON" in said("{", "wrong.json")
     assert "does not read as an encoded task" in said('{"space": [], "simulator": "x"}', "wrong.json")
     assert '"name" is missing' in said("{}", "wrong.json")
+
+
+def test_two_records_of_one_name_are_refused() -> None:
+    again = TASK + "\n  - data: bench.csv\n    columns: {time: t, force: F}\n    steps: [{kind: all, until: 14}]\n"
+    assert '2 records are named "bench.csv". Hint: give each a name of its own' in said(again)
