@@ -90,8 +90,9 @@ def _drift(name: str, rows: Mapping[int, tuple[float, float]]) -> Drift:
         line, *_ = np.linalg.lstsq(design, values / deviation, rcond=None)
         left = values / deviation - design @ line
         slope = float(line[1])
-        # Scatter about the line is told by few windows: Student's t. The values' own intervals are known.
         freedom = len(cycles) - 2
-        scatter = float(student.ppf(0.975, freedom) * np.sqrt(left @ left / freedom))
-        uncertain = max(NORMAL_95, scatter) * float(np.sqrt(np.linalg.inv(design.T @ design)[1, 1]))
+        scatter = np.sqrt(left @ left / freedom)  # about the line, in the values' own deviations
+        # Few windows tell the scatter: Student's t. The values' own intervals are known: normal. The wider one counts.
+        deviations = max(NORMAL_95, float(student.ppf(0.975, freedom) * scatter))
+        uncertain = deviations * float(np.sqrt(np.linalg.inv(design.T @ design)[1, 1]))
     return Drift(name, tuple(rows), tuple(map(float, values)), tuple(map(float, half)), slope, uncertain)

@@ -94,7 +94,8 @@ def _cuts(steps: FloatArray | None, cycles: NDArray[np.int64] | None) -> NDArray
     """The first sample of each of the cycler's steps but the first."""
     cut = np.zeros(0, dtype=np.intp)
     if steps is not None:
-        changes = np.flatnonzero(np.abs(np.diff(steps)) > 0) + 1
+        last_known = np.maximum.accumulate(np.where(np.isfinite(steps), np.arange(len(steps)), 0))
+        changes = np.flatnonzero(np.abs(np.diff(steps[last_known])) > 0) + 1
         if len(changes) and np.median(np.diff([0, *changes, len(steps)])) >= FEWEST_SAMPLES:
             cut = changes
     return cut if cycles is None else np.union1d(cut, np.flatnonzero(np.diff(cycles)) + 1)

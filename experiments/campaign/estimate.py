@@ -119,10 +119,10 @@ def need_of(cell: Calibration, past: Experience) -> Need:
     if known is not None:
         known = [_scaled(row, config) for row in known]
         # Of what is not known nothing was spent, but of money: a price that is not known is none that is nothing.
-        seconds, tokens, made = (float(np.nan_to_num(mean_of(known, name))) for name in _SPENT)
+        seconds, tokens, calls_made = (float(np.nan_to_num(mean_of(known, name))) for name in _SPENT)
         spent = mean_of(known, "cost_usd")
         cost = _cost(cell, round(tokens)) if math.isnan(spent) else spent
-        return Need(1, config.simulations, round(made), seconds, round(tokens), cost, True)
+        return Need(1, config.simulations, round(calls_made), seconds, round(tokens), cost, True)
     simulation_s = _SIMULATION_S.get(cell.task.chemistry, _USUAL_SIMULATION_S)
     model_calls = calls if config.backend != "rules" else 0
     seconds = _START_S + simulation_s * config.simulations + _CALL_S * model_calls

@@ -27,13 +27,23 @@ def discover_command(task: Task, data: Sequence[Path], holdout: Sequence[Path], 
     of_records = [each, each[: len(each) - len(holdout)]]  # What is said of all records, and of the fitted ones alone.
     words = ["bsa", "discover", "--data", *map(str, fitted), *(["--holdout"] if held_out else []), *map(str, held_out)]
     for name, value in options.items():
-        values = value if isinstance(value, list) else [value]
-        if all(isinstance(one, float) for one in values):
-            values = next((_kept(values, over) for over in of_records if len(over) == len(values)), values)
-        for one in values:
-            # A temperature of 0 equals False.
-            words += [] if one is None or one is False else [name] if one is True else [name, str(one)]
+        words += _as_option(name, _of_kept_records(value, of_records))
     return shlex.join(words)
+
+
+def _of_kept_records(value: Any, of_records: Sequence[Sequence[bool]]) -> Any:
+    """Numbers that are said record by record, without those of spectra; anything else as it is."""
+    if not isinstance(value, list) or not all(isinstance(one, float) for one in value):
+        return value
+    return next((_kept(value, over) for over in of_records if len(over) == len(value)), value)
+
+
+def _as_option(name: str, value: Any) -> list[str]:
+    if value is True:
+        return [name]
+    # A temperature of 0 equals False.
+    values = [one for one in (value if isinstance(value, list) else [value]) if one is not None and one is not False]
+    return [word for one in values for word in (name, str(one))]
 
 
 def _kept(items: Sequence[Any], keep: Sequence[bool]) -> list[Any]:

@@ -71,13 +71,11 @@ def _cell(experiment: Experiment) -> str:
 
 def _fitted(run: RunRecord, place: int, later: Experiment | None, forecast: Prediction | None) -> _Simulated:
     best, initial = _table(run.best, place), _table(run.initial, place)
-    initial = initial if run.best is not run.initial or forecast is not None else None
     if forecast is not None and later is not None:
         return _forecast(forecast, initial, later.target.cycle_table)
     fade = run.analysis.fade[place] if run.analysis is not None and place < len(run.analysis.fade) else None
-    if run.best is run.initial:
-        return _Simulated(None, best, fade)
-    return _Simulated(best, initial, fade)
+    # Where nothing is better than the start, one curve is drawn, as the initial one.
+    return _Simulated(None if run.best is run.initial else best, initial, fade)
 
 
 def _forecast(prediction: Prediction, initial: CycleTable | None, later: CycleTable | None) -> _Simulated:

@@ -29,8 +29,8 @@ os.environ.setdefault("PYBAMM_DISABLE_TELEMETRY", "true")  # or the first import
 import pybamm as pybamm  # after the line above; the other modules take it from here
 
 FILL_FROM = ("OKane2022", "Chen2020")
-"""Where keys that a set lacks are taken from, the later set first: SEI parameters from Chen2020, and those of plating,
-cracks and loss of active material from the set that was measured for them, which is of the same cell."""
+"""Where keys that a set lacks are taken from; the second one counts where both have a key. SEI parameters are those of
+Chen2020; those of plating, cracks and loss of active material are those of OKane2022, which is of the same cell."""
 
 WHOLE_SET = (
     "Electrode width [m]",
@@ -106,7 +106,7 @@ def states(name: ParameterSource, key: str) -> bool:
 
 
 def load(name: ParameterSource, overrides: Mapping[str, float] | None = None) -> pybamm.ParameterValues:
-    """A parameter set, gaps filled from Chen2020, with overrides put in.
+    """A parameter set, gaps filled from `FILL_FROM`, with overrides put in.
 
     Raises `BsaError` if the set, or an overridden parameter, does not exist, or the set is not of a full cell with
     one material in each electrode: in the sets of half-cells the potential of lithium is a number, blends have two

@@ -307,3 +307,12 @@ def test_a_short_hold_behind_a_long_step_is_one_wherever_the_cycler_numbers_begi
     kinds = [step.kind for step in segment(record).steps]
     assert kinds == [StepKind.CC_DISCHARGE, StepKind.CV_HOLD]
     assert [step.kind for step in segment(record, numbers).steps] == kinds
+
+
+def test_a_sample_without_a_step_number_is_of_the_step_before() -> None:
+    numbers = np.repeat([1.0, 2.0], 20)
+    record = Trajectory(np.arange(40.0), np.full(40, 1.0), np.linspace(4.0, 3.9, 40))
+    known = segment(record, numbers).steps
+    numbers[[0, 19]] = np.nan
+    assert segment(record, numbers).steps == known
+    assert [step.start for step in known] == [0, 20]
