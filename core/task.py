@@ -37,7 +37,7 @@ class ParameterFile:
         return self.name
 
 
-Weight = Literal["uniform", "robust"]
+Weight = Literal["uniform", "robust", "knee"]
 """How errors count: by their square, or large ones by their order of magnitude."""
 
 NEAREST = "nearest"
@@ -152,9 +152,9 @@ class Task:
         The simulator that the task is made for; empty leaves it to the scaffold.
     held_out : tuple of Experiment
         Records that are not fitted; the best candidate is scored on them after the search.
-    weight : {'uniform', 'robust'}
+    weight : {'uniform', 'robust', 'knee'}
         How the errors of the signals count in a fit: ``"robust"`` keeps the knee at the end of a discharge, or
-        whatever else is far off for a short time, from deciding it.
+        whatever else is far off for a short time, from deciding it; with ``"knee"`` it counts by all of its error.
     """
 
     name: str

@@ -16,7 +16,7 @@ from ..trajectory import FloatArray, Step, StepKind, Trajectory
 from .alignment import StepPair, at_fractions, pair_steps
 from .noise import noise_of
 from .robust_loss import robust
-from .step_parts import OSCILLATING, count_of_parts, step_parts
+from .step_parts import OSCILLATING, StepParts, count_of_parts, step_parts
 
 DURATION_TOLERANCE = 1e-3
 DURATION = "duration"
@@ -160,7 +160,7 @@ def noise_of_residuals(task: Task) -> FloatArray:
 def _kept_of_noise(task: Task, pair: StepPair, experiment: Experiment) -> FloatArray:
     """Deviations of a driven step's residuals in units of those that a mismatch of the noise of one sample gives."""
     signals = task.compared(pair.step.kind, experiment)
-    return np.concatenate([pair.kept_of_noise(step_parts(pair, signal).fractions) for signal in signals])
+    return np.concatenate([pair.kept_of_noise(_parts(task, pair, signal).fractions) for signal in signals])
 
 
 def _finished(pairs: list[StepPair], run: ExperimentRun) -> int:
@@ -229,12 +229,16 @@ def _driven(task: Task, pairs: list[StepPair], experiment: Experiment) -> list[F
     for pair, duration in zip(pairs, durations, strict=True):
         curves = []
         for signal in task.compared(pair.step.kind, experiment):
-            part = step_parts(pair, signal)
+            part = _parts(task, pair, signal)
             weights = np.sqrt(duration / total * each[signal.name] * part.weights)
             mismatch = _mismatch(task, pair, signal, experiment, part.fractions.ravel()).reshape(part.fractions.shape)
             curves.append(weights * mismatch.mean(axis=1) * _tells_of_the_cell(signal, pair, part.ends))
         parts.append(np.concatenate(curves))
     return parts
+
+
+def _parts(task: Task, pair: StepPair, signal: Signal) -> StepParts:
+    return step_parts(pair, signal, knees=task.weight == "knee")
 
 
 def _tells_of_the_cell(signal: Signal, pair: StepPair, ends: FloatArray) -> NDArray[np.bool_]:
@@ -384,7 +388,7 @@ def rows_of(task: Task) -> ResidualRows:
             place = record.steps.index(pair.step)
             for signal in task.compared(pair.step.kind, experiment):
                 if experiment.protocol is None:
-                    fractions = step_parts(pair, signal).fractions.mean(axis=1)
+                    fractions = _parts(task, pair, signal).fractions.mean(axis=1)
                 else:
                     fractions = (np.arange(_points(signal)) + 0.5) / _points(signal)
                 times = pair.measured.duration * fractions

@@ -48,6 +48,7 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "discovery-shortlists": discovery.shortlists,
     "measured-cells": discovery.measured_cells,
     "real-cells": real_cells.fitted_and_held_out,
+    "knees": real_cells.by_weight,
     "nearest-potentials": real_cells.by_potentials,
     "nearest-set": real_cells.by_start,
     "paper-cells": real_cells.as_in_the_paper,

@@ -22,6 +22,25 @@ def fitted_and_held_out(results: Results) -> str:
     return results.framed("real_cells", table_of(results.rows("real_cells"), columns, 3))
 
 
+def by_weight(results: Results) -> str:
+    """Voltage errors of the same fits, by whether a knee counts by all of its error."""
+    usual = {(row["cell"], row["record"]): row for row in results.rows("real_cells")}
+    rows = []
+    for row in results.rows("knees"):
+        known = usual[row["cell"], row["record"]]
+        rows.append({**row, "usual_mv": known["rms_mv"], "usual_99_mv": known["rms_99_mv"]})
+    columns = {
+        "cell": "{cell}",
+        "record": "{record}",
+        "": "{role}",
+        "rms by default / mV": "{usual_mv:brief}",
+        "rms with knee / mV": "{rms_mv:brief}",
+        "over 99 % of the time by default / mV": "{usual_99_mv:brief}",
+        "with knee / mV": "{rms_99_mv:brief}",
+    }
+    return results.framed("knees", table_of(rows, columns, 3))
+
+
 def by_potentials(results: Results) -> str:
     """Which published potentials are nearest to records that are not slow."""
     columns = {
