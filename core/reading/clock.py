@@ -4,7 +4,8 @@ import numpy as np
 
 from ..errors import BsaError
 from ..printable import counted, were
-from .samples import Samples
+from ..trajectory import FloatArray
+from .samples import Mask, Samples
 
 BACKWARD_SHARE = 0.02
 """Rows whose clock runs back a little are left out up to this share of the record, or `BACKWARD_ROWS`."""
@@ -16,6 +17,19 @@ RESTART_S = 60.0
 
 
 _LISTED = 3
+
+
+def begins_anew(time: FloatArray) -> Mask:
+    """Where a clock falls back to where the file begins, and goes on from there; shape (n - 1,).
+
+    A test that was stopped within a minute falls back by less than `RESTART_S`. After a row that is out of order the
+    clock is where it was, and one that is set back a little is not at its beginning.
+    """
+    steps = np.diff(time)
+    rising = steps[steps > 0]
+    usual = float(np.median(rising)) if len(rising) else 0.0
+    stays = np.append(time[2:] < time[:-2], False)
+    return np.asarray((time[1:] <= time[0] + usual) & (steps < -BACKWARD_ROWS * usual) & stays)
 
 
 def with_clock(samples: Samples) -> Samples:
@@ -35,7 +49,8 @@ def with_clock(samples: Samples) -> Samples:
     if usual == 0.0:
         raise _never_rises(samples)
     # The row before a restart is no lone spike: those lie high above both of their neighbours.
-    fallen = np.flatnonzero(~spikes[:-1] & (np.diff(time) < -max(RESTART_S, 10.0 * usual))) + 1
+    far_back = np.diff(time) < -max(RESTART_S, 10.0 * usual)
+    fallen = np.flatnonzero(~spikes[:-1] & (far_back | begins_anew(time))) + 1
     if len(fallen):
         k = int(fallen[0])
         raise BsaError(

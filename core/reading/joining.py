@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..printable import counted, listed, were
 from ..trajectory import FloatArray
-from .clock import RESTART_S
+from .clock import RESTART_S, begins_anew
 from .date_order import date_at, starts_of, with_one_order
 from .samples import Extra, Mask, Samples
 
@@ -60,7 +60,7 @@ def _on(samples: Samples, bounds: NDArray[np.intp], everything: bool) -> Samples
     """Carry the clock on at the given samples, and where it falls."""
     time = samples.time
     with np.errstate(invalid="ignore", over="ignore"):  # what is no time is refused later, with its row
-        fallen = np.flatnonzero((np.diff(time) < -RESTART_S) | _begins_step(samples)) + 1
+        fallen = np.flatnonzero((np.diff(time) < -RESTART_S) | begins_anew(time) | _begins_step(samples)) + 1
     fallen = fallen[time[fallen] < time[np.maximum(fallen - 2, 0)]]  # else the sample before was a lone spike
     places = np.union1d(bounds, fallen).astype(np.intp)
     if len(places) == 0:

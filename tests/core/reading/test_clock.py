@@ -38,3 +38,24 @@ def test_a_time_that_falls_throughout_is_said_to_fall():
     with pytest.raises(BsaError, match=r"never rises \(it falls from 3591 to 0 s\)") as found:
         to_record(samples(np.arange(400)[::-1]), ReadOptions())
     assert "sort the rows by time" in found.value.hint
+
+
+def test_a_test_that_was_stopped_within_a_minute_is_a_test_of_its_own() -> None:
+    short, long = np.arange(0.0, 50.0), np.arange(0.0, 10_000.0)
+    time = np.concatenate([short, long])
+    current = np.concatenate([np.full(50, -2.0), np.full(10_000, -1.0)])
+    voltage = np.concatenate([np.full(50, 4.05), 4.1 - 0.8 * long / 1e4])
+    samples = Samples("p.csv", time, voltage, current)
+    with pytest.raises(BsaError, match=r"the clock restarts in row 51 \(49 s, then 0 s\)"):
+        to_record(samples, ReadOptions())
+    joined = to_record(samples, ReadOptions(join=True)).trajectory
+    assert len(joined) == len(time)
+    assert joined.discharge_capacity[-1] == pytest.approx((2 * 49.5 + 9999.5) / 3600.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("place", [7, 9])
+def test_a_row_out_of_order_at_the_clocks_beginning_is_no_restart(place: int) -> None:
+    time = 10.0 * np.arange(200)
+    time[place] = 0.0
+    samples = Samples("p.csv", time, np.linspace(4.1, 3.5, 200), np.full(200, -1.0))
+    assert len(to_record(samples, ReadOptions()).trajectory) == 199
