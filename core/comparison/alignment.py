@@ -24,7 +24,8 @@ class StepPair:
     measured: Trajectory  # The target's samples of the step.
     simulated: Trajectory | None  # The simulation's samples; None if the step vanished or was never reached.
     name: str  # ``"CC charge"``, with a number where the kind occurs more than once (``"rest 2"``).
-    # The simulated signals where the step should have been, for a vanished step; None if never reached.
+    # The simulated signals where the step before left them, for a step without samples of its own in a cycle that was
+    # begun; None otherwise.
     fallback: Mapping[str, float] | None
 
     @property
@@ -34,7 +35,10 @@ class StepPair:
 
     @property
     def reached(self) -> bool:
-        """Whether the simulation got as far as the step, even if the step vanished."""
+        """Whether there are simulated values to compare: of the step, or of where the step before left the signals.
+
+        Whether the simulation got that far, `ExperimentRun.failure` says.
+        """
         return self.simulated is not None or self.fallback is not None
 
     def curves(self, signal: Signal, fractions: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -58,7 +58,9 @@ class Interval:
     value: float
     lower: float
     upper: float
-    share_of_range: float  # Half the interval's width as a share of the searched range, on the parameter's own scale.
+    # Half the interval's width as a share of the searched range, on the parameter's own scale. Of a linear interval it is
+    # the width before the ends are cut, and may exceed 0.5; of a sample, which lies within the bounds, that of the ends.
+    share_of_range: float
     verdict: Verdict  # What that share amounts to.
 
 
