@@ -58,8 +58,8 @@ class Interval:
     value: float
     lower: float
     upper: float
-    # Half the interval's width as a share of the searched range, on the parameter's own scale. Of a linear interval it is
-    # the width before the ends are cut, and may exceed 0.5; of a sample, which lies within the bounds, that of the ends.
+    # Half the interval's width as a share of the searched range, on the parameter's own scale. Of a linear interval it
+    # is that before the ends are cut, and may exceed 0.5; of a sample, which lies within the bounds, that of the ends.
     share_of_range: float
     verdict: Verdict  # What that share amounts to.
 

@@ -253,9 +253,14 @@ def print_outcome(plan: Plan[Any], rows: list[Row]) -> None:
 
 
 def finish(rows: list[Row]) -> None:
-    """Say which cells have no result; exit code 1 where there are any."""
+    """Say which cells have no result; exit code 1 where there are any.
+
+    Raises `BsaError` if no cell could be begun: no item of the study has its file.
+    """
     from .progress import printable
 
+    if rows and all(row["state"] == "failed" and not row["identity"] for row in rows):
+        raise BsaError(printable(rows[0]["reason"], 400), "check the path that the study reads.")
     for state in ("failed", "stopped", "missing"):
         left = [row for row in rows if row["state"] == state]
         if left:

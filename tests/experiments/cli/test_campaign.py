@@ -132,4 +132,5 @@ def test_a_study_that_is_not_run_tells_its_items(call):
     assert "nowhere/calce_cs2/CS2_35_all.csv.gz" in shown
     assert call("bench", "whole-life", "--data", "nowhere", "--dry-run", "--only", "CS2_36").output.count("CS2_3") == 2
     assert not Path("results").exists()
-    assert "2 cells failed: CS2_35: there is no file" in call("bench", "fade-trends", "--data", "x", code=1).stderr
+    with pytest.raises(BsaError, match="there is no file"):
+        call("bench", "fade-trends", "--data", "x")
