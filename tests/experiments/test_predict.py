@@ -1,6 +1,7 @@
 """Records that a run did not fit: `--holdout`, `bsa predict` and `CalibrationResult.predict` on one small cell."""
 
 import json
+from dataclasses import replace
 
 import bsa
 import numpy as np
@@ -229,7 +230,11 @@ def test_a_run_that_was_not_analysed_says_how_a_band_comes(fitted, tmp_path) -> 
 
 
 @pytest.mark.slow
-def test_notes_of_records_that_the_run_held_out_are_not_told_of_another(fitted) -> None:
-    at_rest = fitted.predict(bsa.read_record(measured(0.5, 20), name="half"), workers=1)
-    assert any("twice (held out)" in note for note in read_run(fitted.folder).task.notes)
-    assert not any("twice (held out)" in note for note in at_rest.to_json()["notes"])
+def test_notes_of_records_that_the_run_held_out_are_not_told_of_another(fitted, monkeypatch) -> None:
+    run = read_run(fitted.folder)
+    noted = replace(run, task=replace(run.task, notes=("as read", "twice (held out): begins under load")))
+    monkeypatch.setattr("bsa.experiments.predict.read_run", lambda folder: noted)
+    loaded = fitted.predict(bsa.read_record(measured(0.5, 20, start=60.0), name="loaded"), workers=1)
+    notes = loaded.to_json()["notes"]
+    assert any("loaded (held out)" in note for note in notes)
+    assert not any("twice (held out)" in note for note in notes)
