@@ -31,6 +31,9 @@ OSCILLATING = 200
 _OF_A_DRIVE = 400
 """Points of a step whose current varies all the time: ten for each of forty changes of the load."""
 
+_ROUNDING = 1e-9
+"""What the sum of the parts' lengths may be off by, in samples."""
+
 _EARLIEST = 1e-4
 """Share of a pulse at which its first part ends at the earliest: four decades lie between this and its end."""
 
@@ -73,7 +76,7 @@ def step_parts(pair: StepPair, signal: Signal, knees: bool = False) -> StepParts
         ends = _equal(count)
     starts = np.append(0.0, ends[:-1])
     # As many points in each as the longest one has samples.
-    samples = math.ceil(len(pair.measured) * float(np.max(ends - starts)))
+    samples = math.ceil(len(pair.measured) * float(np.max(ends - starts)) - _ROUNDING)
     averaged = 1 if swings else max(_AVERAGED, samples)
     # Midpoints: the ends of a step are where two records agree least on the clock.
     inside = (np.arange(averaged) + 0.5) / averaged
