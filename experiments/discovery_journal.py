@@ -97,16 +97,22 @@ def _dumped(options: DiscoverOptions) -> dict[str, Any]:
     for file in (*content["data"], *content["holdout"]):
         file["path"] = str(Path(file["path"]).absolute())
         file["joined"] = [str(Path(path).absolute()) for path in file["joined"]]
-    if not names_a_set(options.parameters) and Path(options.parameters).exists():
-        content["parameters"] = str(Path(options.parameters).absolute())
+    if (parameters := _path_of_parameters(options)) is not None:
+        content["parameters"] = str(parameters.absolute())
     content["search"] = _absolute(content["search"])
     return content
+
+
+def _path_of_parameters(options: DiscoverOptions) -> Path | None:
+    """The file or folder that the base model is of; None where it is an installed set, whatever is called like it."""
+    path = Path(options.parameters)
+    return path if not names_a_set(options.parameters) and path.exists() else None
 
 
 def _digests(options: DiscoverOptions) -> dict[str, str]:
     """Digests of all files that are read, by path."""
     given = [file_and_part(path)[0] for file in (*options.data, *options.holdout) for path in file.files]
-    if not names_a_set(options.parameters) and (parameters := Path(options.parameters)).is_file():
+    if (parameters := _path_of_parameters(options)) is not None and parameters.is_file():
         given.append(parameters)
     found: dict[str, str] = {}
     for path in given:

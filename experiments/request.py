@@ -1,6 +1,6 @@
 """From what a person typed to what a run needs."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast
@@ -63,10 +63,14 @@ def _check_of_task(named: Task, records: Records, cell: CellChoice) -> None:
         "--fit-cycles": records.fit_cycles is not None,
         "options for reading": not records.held_out and list(records.reads) != [FileReading()],
     }
-    given = [name for name, is_given in said.items() if is_given]
+    refuse_beside_task([name for name, is_given in said.items() if is_given], named.name)
+
+
+def refuse_beside_task(given: Sequence[str], task: str) -> None:
+    """Raise `BsaError` if anything was given that goes with records, where a task was named."""
     if given:
-        verb = "goes" if len(given) == 1 and given[0].startswith("-") else "go"
+        verb = "go" if len(given) > 1 or " " in given[0] else "goes"
         raise BsaError(
-            f'{", ".join(given)} {verb} with records, but "{named.name}" is a task, which has its own.',
+            f'{", ".join(given)} {verb} with records, but "{task}" is a task, which has its own.',
             "give records as data, or leave that out; a task file says it under keys of its own.",
         )

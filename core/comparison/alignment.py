@@ -110,24 +110,21 @@ def pair_steps(simulated: Trajectory | None, experiment: Experiment) -> list[Ste
     """
     wanted = [step for step in experiment.target.steps if experiment.scored_cycle in (None, step.cycle)]
     found: dict[tuple[int, str, int], Step] = {}
-    by_place = False
+    key_of = _keys
     reached_cycle = 0
     fallback: dict[str, float] | None = None
     if simulated is not None and simulated.steps:
-        by_place = _share_places(wanted, simulated.steps)
-        found = dict(
-            zip(_places(simulated.steps) if by_place else _keys(simulated.steps), simulated.steps, strict=True)
-        )
+        key_of = _places if _share_places(wanted, simulated.steps) else _keys
+        found = dict(zip(key_of(simulated.steps), simulated.steps, strict=True))
         reached_cycle = simulated.steps[-1].cycle
         fallback = _before_cycle(simulated, wanted[0].cycle) if wanted else None
     totals = Counter((step.cycle, step.kind) for step in wanted)
     pairs: list[StepPair] = []
-    places = _places(wanted) if by_place else _keys(wanted)
-    for step, place, (cycle, kind, occurrence) in zip(wanted, places, _keys(wanted), strict=True):
+    for step, key, (cycle, kind, occurrence) in zip(wanted, key_of(wanted), _keys(wanted), strict=True):
         name = str(kind) if totals[cycle, kind] == 1 else f"{kind} {occurrence}"
         if experiment.scored_cycle is None and len(experiment.target.cycles) > 1:
             name = f"cycle {cycle} {name}"
-        counterpart = found.get(place)
+        counterpart = found.get(key)
         piece = None
         if counterpart is not None and simulated is not None:
             piece = simulated.slice(counterpart.start, counterpart.stop)

@@ -92,9 +92,8 @@ def resolution(signal: FloatArray) -> float:
     if not 2 <= len(distinct) < _REPEATING * len(signal):
         return _NO_ROUNDING
     gaps = np.diff(distinct)
-    # What differs by less is one reading, written in two ways.
-    step = float(np.min(gaps, where=gaps > 0.1 * _NO_ROUNDING, initial=np.inf))
-    return max(step / math.sqrt(12.0), _NO_ROUNDING) if math.isfinite(step) else _NO_ROUNDING
+    gaps = gaps[gaps > 0.1 * _NO_ROUNDING]  # what differs by less is one reading, written in two ways
+    return max(float(np.min(gaps)) / math.sqrt(12.0), _NO_ROUNDING) if len(gaps) else _NO_ROUNDING
 
 
 def rounding_that_stays(noise: float, rounding: float) -> float:

@@ -19,17 +19,21 @@ RESTART_S = 60.0
 _LISTED = 3
 
 
+def usual_interval(time: FloatArray) -> float:
+    """The median interval by which a clock rises, s; 0 where it never does."""
+    spacing = np.diff(time)
+    return float(np.median(spacing[spacing > 0])) if np.any(spacing > 0) else 0.0
+
+
 def begins_anew(time: FloatArray) -> Mask:
     """Where a clock falls back to where the file begins, and goes on from there; shape (n - 1,).
 
     A test that was stopped within a minute falls back by less than `RESTART_S`. After a row that is out of order the
     clock is where it was, and one that is set back a little is not at its beginning.
     """
-    steps = np.diff(time)
-    rising = steps[steps > 0]
-    usual = float(np.median(rising)) if len(rising) else 0.0
+    usual = usual_interval(time)
     stays = np.append(time[2:] < time[:-2], False)
-    return np.asarray((time[1:] <= time[0] + usual) & (steps < -BACKWARD_ROWS * usual) & stays)
+    return np.asarray((time[1:] <= time[0] + usual) & (np.diff(time) < -BACKWARD_ROWS * usual) & stays)
 
 
 def with_clock(samples: Samples) -> Samples:
@@ -44,8 +48,7 @@ def with_clock(samples: Samples) -> Samples:
     spikes[1:-1] = (time[1:-1] > time[2:]) & (time[2:] >= time[:-2])
     latest = np.maximum.accumulate(np.where(spikes, -np.inf, time))
     back = spikes | (time < latest)
-    rising = np.diff(time[~back])
-    usual = float(np.median(rising[rising > 0])) if np.any(rising > 0) else 0.0
+    usual = usual_interval(time[~back])
     if usual == 0.0:
         raise _never_rises(samples)
     # The row before a restart is no lone spike: those lie high above both of their neighbours.

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..printable import counted, listed, were
 from ..trajectory import FloatArray
-from .clock import RESTART_S, begins_anew
+from .clock import RESTART_S, begins_anew, usual_interval
 from .date_order import date_at, starts_of, with_one_order
 from .samples import Extra, Mask, Samples
 
@@ -75,7 +75,7 @@ def _on(samples: Samples, bounds: NDArray[np.intp], everything: bool) -> Samples
         if len(places) == 0:
             return samples
     falls = time[places] < time[places - 1]
-    usual = _usual_interval(time)
+    usual = usual_interval(time) or 1.0
     wanted = np.where(np.isfinite(passed), passed, np.where(falls, usual, time[places] - time[places - 1]))
     shift = np.zeros(len(samples))
     shift[places] = wanted - (time[places] - time[places - 1])
@@ -124,11 +124,6 @@ def _passed(samples: Samples, places: NDArray[np.intp]) -> FloatArray:
         return np.full(len(places), np.nan)
     passed = date[places] - date[places - 1]
     return np.where(passed >= 0, passed, np.nan)
-
-
-def _usual_interval(time: FloatArray) -> float:
-    spacing = np.diff(time)
-    return float(np.median(spacing[spacing > 0])) if np.any(spacing > 0) else 1.0
 
 
 def _counted_on(cycle: FloatArray, places: NDArray[np.intp]) -> FloatArray:

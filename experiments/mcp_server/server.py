@@ -20,6 +20,7 @@ from ...core.printable import shown
 from ...core.redaction import redact
 from ...core.run.run_config import RunConfig
 from ...core.validation import explain
+from ..request import refuse_beside_task
 from ..run_names import named_after, reserved_folder
 from ..tasks.task_file import SUFFIXES
 from . import functions
@@ -227,12 +228,7 @@ class Tools:
 def _check_of_task(task: str, cell: Cell, reading: Reading) -> None:
     """Refuse what goes with records where a task was named, which has its own."""
     given = [name for said in (cell, reading) for name in said.model_dump(exclude_defaults=True)]
-    if given:
-        raise BsaError(
-            f'{", ".join(sorted(given))} {"goes" if len(given) == 1 else "go"} with records, but "{task}" is a task, '
-            "which has its own.",
-            "give records as data, or leave that out.",
-        )
+    refuse_beside_task(sorted(given), task)
 
 
 class Server(MCPServer[Any]):

@@ -26,6 +26,11 @@ def in_pybamm_spelling(options: Mapping[str, Any]) -> dict[str, Any]:
     return result
 
 
+def as_built(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options as PyBaMM builds a model with them: a pair, which JSON keeps as a list, is a tuple."""
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in options.items()}
+
+
 @cache
 def _known() -> Mapping[str, tuple[str, Mapping[str, str]]]:
     """By name in lower case: PyBaMM's name, and its values by theirs."""

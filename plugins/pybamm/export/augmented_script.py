@@ -13,6 +13,7 @@ from ....core.target import CellChange, Target, change_of
 from ....core.task import CellModel, ParameterFile
 from ....core.thinning import evenly
 from ..augmentation import augmented_cell
+from ..cells.model_options import as_built
 from ..cells.parameter_sets import FILL_FROM, load, pybamm
 from ..cells.state_of_charge import InitialState, initial_concentration
 from ..modelling.drive import current_function
@@ -74,7 +75,7 @@ def augmented_script(
         parameter_set=str(cell.parameter_set),
         embedded=parameter_values_json(cell, CellChange()) if isinstance(cell.parameter_set, ParameterFile) else "",
         model=augmented.model,
-        options={key: tuple(value) if isinstance(value, list) else value for key, value in augmented.options.items()},
+        options=as_built(augmented.options),
         overrides=dict(cell.overrides),
         factors=dict(change.factors),
         effects=[quoted(number, effect, candidate) for number, effect in enumerate(effects, start=1)],

@@ -16,6 +16,7 @@ from ....core.task import CellModel, Experiment, ParameterFile, Task
 from ....core.trajectory import StepKind
 from ..augmentation import augmented_cell, part_of
 from ..cells.diffusivity_shape import by_diffusivity
+from ..cells.model_options import as_built
 from ..cells.ocp_shape import BUMP_WIDTH, OcpCurves
 from ..cells.parameter_files import as_json
 from ..cells.parameter_sets import FILL_FROM, bake, load, pybamm
@@ -59,7 +60,7 @@ def script(
         embedded=parameter_values_json(task.cell, change) if from_file else "",
         file_name=file_name,
         model=cell.model,
-        options={key: tuple(value) if isinstance(value, list) else value for key, value in cell.options.items()},
+        options=as_built(cell.options),
         effects=[quoted(number, effect, candidate) for number, effect in enumerate(effects, start=1)],
         points={name: count for effect in effects for name, count in part_of(effect).points.items()},
         overrides={name: float(value) for name, value in task.cell.overrides.items()},

@@ -12,6 +12,7 @@ from ....core.target import CellChange, CyclableLithium, InitialSoc, Target, Val
 from ....core.task import CellModel, Experiment
 from ....core.trajectory import FloatArray
 from ..augmentation import PyBaMMPart, augmented_cell, effects_in, part_of
+from ..cells.model_options import as_built
 from ..cells.ocp_shape import ELECTRODES, OcpCurves, keeping_ocp_falling
 from ..cells.parameter_sets import bake, input_values, load, open_to_search, pybamm, voltage_window
 from ..cells.state_of_charge import InitialState, initial_concentration
@@ -74,7 +75,7 @@ def make_model(cell: CellModel) -> Any:
     """The PyBaMM model of a cell. Raises `BsaError` if the model or one of its options does not exist."""
     if cell.model not in MODELS:
         raise unknown(f'there is no model "{cell.model}".', cell.model, MODELS)
-    options = {key: tuple(value) if isinstance(value, list) else value for key, value in cell.options.items()}
+    options = as_built(cell.options)
     try:
         return getattr(pybamm.lithium_ion, cell.model)(options)
     except pybamm.OptionError as error:

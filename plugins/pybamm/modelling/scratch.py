@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 
-def scratch_folder() -> "tempfile.TemporaryDirectory[str]":
+def scratch_folder() -> tempfile.TemporaryDirectory[str]:
     """A temporary folder of this process."""
     return tempfile.TemporaryDirectory(prefix=_prefix(os.getpid()), ignore_cleanup_errors=True)
 
