@@ -265,23 +265,26 @@ def _parts_a_record(task: Task, signal: Signal) -> float:
 def _durations_counted(pairs: list[StepPair], record: Trajectory) -> list[float]:
     """By how long each step of a driven record counts, s: its duration, and a pulse as long as the rest behind it.
 
-    A pulse of ten seconds before a rest of twenty minutes is what the test was made for. Of a pulse test that shows a
-    nearly empty cell that part does not count: its pulses, which no model comes near, would decide the fit.
+    A pulse of ten seconds before a rest of twenty minutes is what the test was made for. The pulses of a nearly empty
+    cell, and the rests behind them, do not count: no model comes near them, and they would decide the fit.
     """
     durations = [pair.measured.duration for pair in pairs]
     kinds = [pair.step.kind for pair in pairs]
+    of_pulses = [kind is StepKind.PULSE for kind in kinds]
+    if not any(of_pulses):
+        return durations
     for place, (pulse, rest) in enumerate(pairwise(kinds)):
         if pulse is StepKind.PULSE and rest is StepKind.REST:
             durations[place] = max(durations[place : place + 2])
-    if StepKind.PULSE not in kinds:
-        return durations
+            of_pulses[place + 1] = True
     drawn = record.discharge_capacity
     empty_ah = drawn.max() - _NEARLY_EMPTY * np.ptp(drawn)
     empty = [bool(drawn[pair.step.start] > empty_ah) for pair in pairs]
     pulses = sum(kind is StepKind.PULSE and not late for kind, late in zip(kinds, empty, strict=True))
     if pulses < _PULSE_TEST or not _runs_short(pairs, record, empty):
         return durations
-    return [0.0 if late else duration for duration, late in zip(durations, empty, strict=True)]
+    dropped = [late and of_pulse for late, of_pulse in zip(empty, of_pulses, strict=True)]
+    return [0.0 if out else duration for duration, out in zip(durations, dropped, strict=True)]
 
 
 def _runs_short(pairs: list[StepPair], record: Trajectory, empty: list[bool]) -> bool:

@@ -13,14 +13,8 @@ from ..segmentation.recognised_protocol import late_s, with_switches
 from ..trajectory import FloatArray, Step, StepKind, Trajectory
 from .charge import NOTED_SHARE
 from .counters import LATE_S
+from .open_circuit import SLOW_HOURS, SLOW_SWING_V, rested_places, steady_stretches
 from .switches import STEP_SHARE, mixed_samples_note, switches
-
-SLOW_HOURS = 8.0
-"""A charge or discharge at constant current that takes longer shows the open-circuit voltage nearly bare, in h: C/10 of
-the nominal capacity, of which a measured cell gives down to five sixths."""
-
-SLOW_SWING_V = 0.5
-"""A slow curve crosses at least this much voltage, in V."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +60,7 @@ class ResistanceRow:
 
 @dataclass(frozen=True)
 class SlowCurve:
-    """A step so slow that its voltage is nearly that of an open circuit."""
+    """A charge or discharge so slow that its voltage is nearly that of an open circuit."""
 
     kind: str
     start_s: float
@@ -74,6 +68,15 @@ class SlowCurve:
     charge_ah: float
     first_v: float
     last_v: float
+
+
+@dataclass(frozen=True)
+class RestRow:
+    """The open-circuit voltage at the end of a long rest; the charge is drawn since the fullest one."""
+
+    time_s: float
+    charge_ah: float
+    voltage: float
 
 
 @dataclass(frozen=True)
@@ -96,6 +99,7 @@ class RecordSummary:
     cycles: tuple[CycleRow, ...]
     resistances: tuple[ResistanceRow, ...]
     slow: tuple[SlowCurve, ...]
+    rests: tuple[RestRow, ...]  # By rising charge, where long rests make an open-circuit curve.
     problems: tuple[str, ...]  # What was assumed, repaired or cannot be trusted.
 
 
@@ -121,6 +125,7 @@ def summary(record: Record) -> RecordSummary:
         cycles=tuple(_cycle_rows(met, drawn)),
         resistances=tuple(_resistances(trajectory)),
         slow=tuple(_slow_curves(met, drawn)),
+        rests=tuple(_rests(met, drawn)),
         problems=(*record.notes, *_problems(record, steps)),
     )
 
@@ -180,12 +185,18 @@ def _resistances(trajectory: Trajectory) -> Iterator[ResistanceRow]:
 
 
 def _slow_curves(trajectory: Trajectory, drawn: FloatArray) -> Iterator[SlowCurve]:
-    for step in trajectory.steps:
-        row = _step_row(trajectory, drawn, step)
-        steady = step.kind in (StepKind.CC_CHARGE, StepKind.CC_DISCHARGE)
-        hours = row.duration_s / 3600.0
-        if steady and hours >= SLOW_HOURS and abs(row.last_v - row.first_v) >= SLOW_SWING_V:
-            yield SlowCurve(row.kind, row.start_s, hours, abs(row.charge_ah), row.first_v, row.last_v)
+    for found in steady_stretches(trajectory):
+        ends = found.places[[0, -1]]
+        (first_v, last_v), charge = trajectory.voltage[ends].tolist(), abs(float(np.diff(drawn[ends])[0]))
+        if found.hours >= SLOW_HOURS and abs(last_v - first_v) >= SLOW_SWING_V:
+            yield SlowCurve(str(found.kind), float(trajectory.time[ends[0]]), found.hours, charge, first_v, last_v)
+
+
+def _rests(trajectory: Trajectory, drawn: FloatArray) -> Iterator[RestRow]:
+    places = rested_places(trajectory)
+    for place in places.tolist():
+        charge = float(drawn[place] - drawn[places[0]])
+        yield RestRow(float(trajectory.time[place]), charge, float(trajectory.voltage[place]))
 
 
 def _problems(record: Record, steps: Sequence[StepRow]) -> Iterator[str]:

@@ -117,6 +117,14 @@ def record_lines(found: RecordSummary) -> Iterator[str]:
             f"  C/{rate} from {duration(curve.start_s)} on, {curve.charge_ah:.{_decimals([curve.charge_ah])}f} A.h"
             f" from {curve.first_v:.3f} to {curve.last_v:.3f} V"
         )
+    if found.rests:
+        decimals = _decimals(row.charge_ah for row in found.rests)
+        yield from _table(
+            f"Voltage at the end of long rests ({len(found.rests)}), an open-circuit curve",
+            "       time  drawn A.h  voltage V",
+            found.rests,
+            lambda row: f"  {duration(row.time_s):>9s}  {row.charge_ah:9.{decimals}f}  {row.voltage:9.3f}",
+        )
     yield from problem_lines(found.problems)
 
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ...core.reading.open_circuit import open_circuit_curve, slow_curve
 from ...core.record import Record
 from ...core.segmentation.recognised_protocol import with_switches
 from ...core.target import THERMODYNAMIC_FACTOR, Value, factor_name, target_named
@@ -235,14 +236,9 @@ def with_chosen_potentials(
     parameter_set: ParameterSource, wanted: str, records: Sequence[Record]
 ) -> tuple[ParameterSource, list[str]]:
     """The parameter set with the potentials that were asked for, and what is to be said of them."""
-    from ...plugins.pybamm.before_search.nearest_potentials import (
-        chosen_potentials,
-        misfit_of,
-        slowest_curve,
-        with_potentials,
-    )
+    from ...plugins.pybamm.before_search.nearest_potentials import chosen_potentials, misfit_of, with_potentials
 
-    curve, words = slowest_curve([record.trajectory for record in records]), []
+    curve, words = open_circuit_curve([record.trajectory for record in records]), []
     which = "the slow record" if curve is None else curve.words
     if parameter_set != NEAREST:
         own_v = None if curve is None else misfit_of(parameter_set, curve)
@@ -287,8 +283,6 @@ def _with_usual_rates(parameter_set: ParameterFile, base: str) -> tuple[Paramete
 
 def hysteresis_note(records: Sequence[Record]) -> list[str]:
     """What is to be said of charge and discharge that are far apart where they are slow."""
-    from ...plugins.pybamm.before_search.nearest_potentials import slow_curve
-
     slow = slow_curve(record.trajectory for record in records)
     if slow is None or not slow.gap_v > _HYSTERESIS_V:
         return []

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ...core.cell import CURRENT, FREQUENCY, REACTANCE, RESISTANCE, VOLTAGE
 from ...core.comparison.paper_metrics import is_counted
 from ...core.comparison.residuals import DURATION_TOLERANCE, ResidualRows, rows_of, tolerance_at
+from ...core.reading.open_circuit import RELAXED_S
 from ...core.task import Experiment, Task
 from ...core.trajectory import FloatArray, Trajectory
 
@@ -17,9 +18,6 @@ Data = Literal["open-circuit", "current-steps", "rates", "temperature", "first-c
 _SLOW_PER_H = 0.12
 """Currents up to C/10 show nearly the open-circuit curve: some 10 mV of polarisation, with the sign of the current. The
 tenth is of the nominal capacity, of which a measured cell gives down to five sixths."""
-
-_RELAXED_S = 600.0
-"""What a rest shows after ten minutes is the open-circuit voltage to a few mV, except at the ends of the curve."""
 
 _COVERED = 0.5
 """Share of the cell's charge that open-circuit data must cover to say how the electrodes are balanced."""
@@ -148,7 +146,7 @@ def _rates(task: Task, rows: ResidualRows) -> FloatArray:
 
 def _open_circuit(task: Task, rows: ResidualRows, rates: FloatArray, capacity_ah: float) -> View:
     resting = rates < 0.01 * _SLOW_PER_H
-    chosen = (rows.signal == _VOLTAGE) & (rates <= _SLOW_PER_H) & (~resting | (rows.since_s >= _RELAXED_S))
+    chosen = (rows.signal == _VOLTAGE) & (rates <= _SLOW_PER_H) & (~resting | (rows.since_s >= RELAXED_S))
     charges = [
         float(np.ptp([_charge_at(task.experiments[record].target, rows, int(place)) for place in places]))
         for record in set(rows.record[chosen])

@@ -86,6 +86,12 @@ EXTRA: Mapping[Extra, tuple[str, ...]] = {
 }
 """Names of the columns that say more than the signals do; folded, in order of preference."""
 
+_UNIT_NAMES: Mapping[Signal, tuple[str, ...]] = {
+    signal: tuple(unit for unit in units if unit.isalpha() and len(unit) > 3) for signal, units in _FACTORS.items()
+}
+"""Units in words, which stand for the signal where no column has a name of it: ``Seconds``, ``Amps``, ``Volts``. A
+shorter one may be anything."""
+
 _CAPACITIES = ("capacity", "dischargecapacity", "chargecapacity", "discapacity", "qd", "qc", "soh", "容量")
 """How the names of columns with a capacity begin, folded."""
 
@@ -139,7 +145,7 @@ class Column:
 def split_name(name: str) -> tuple[str, str | None]:
     """A column's name without its unit, folded to letters and digits, and the unit as written.
 
-    Understands ``Voltage / V``, ``U[V]``, ``Current(A)``, ``voltage_V`` and ``test_time_second``.
+    Understands ``Voltage / V``, ``U[V]``, ``Current(A)``, ``voltage_V``, ``test_time_second`` and ``Volts``.
     """
     # The patterns take quadratic time, which a name of a megabyte could abuse. Brackets and units may be full-width.
     name = unicodedata.normalize("NFKC", name[:200])
@@ -152,7 +158,8 @@ def split_name(name: str) -> tuple[str, str | None]:
     suffixed = _SUFFIX.match(name)
     if suffixed and any(suffixed["unit"].casefold() in units for units in _FACTORS.values()):
         return _folded(suffixed["base"]), suffixed["unit"]
-    return _folded(name), None
+    folded = _folded(name)
+    return folded, name.strip() if any(folded in units for units in _UNIT_NAMES.values()) else None
 
 
 def _folded(name: str) -> str:
@@ -162,7 +169,8 @@ def _folded(name: str) -> str:
 def signal_of(name: str) -> Signal | None:
     """The signal that a column's name suggests."""
     base, unit = split_name(name)
-    return next((signal for signal in SIGNALS if base in NAMES[signal] and _may_be(signal, base, unit)), None)
+    named_so = (signal for signal in SIGNALS if base in NAMES[signal] and _may_be(signal, base, unit))
+    return next(named_so, None) or next((signal for signal in SIGNALS if base in _UNIT_NAMES[signal]), None)
 
 
 def _may_be(signal: Signal, base: str, unit: str | None) -> bool:
@@ -291,6 +299,7 @@ def _index(
         if preferred is None and signal == "time":
             preferred = _preferred(EXTRA["date"], bases)
         places = [k for k, base in enumerate(bases) if base == preferred and meant[k]]
+        places = places or [k for k, base in enumerate(bases) if base in _UNIT_NAMES[signal]]
     if len(places) > 1:
         raise BsaError(
             f"{source} has {len(places)} columns for {signal}: {listed(header[k] for k in places)}.",

@@ -26,6 +26,8 @@ def written(path, header: str, *columns: np.ndarray):
         ("Run Time (h),Potential (V),Current (A),Temperature (°C)", 1 / 3600),
         ("~Time[h],U[V],I[A],T1[°C]", 1 / 3600),
         ("t,U,I,T\n[s],[V],[A],[degC]", 1.0),
+        ("Seconds,Volts,Amps,Celsius", 1.0),
+        ("Hours,Volts,Amps,degC", 1 / 3600),
     ],
 )
 def test_short_names_go_by_their_units(tmp_path, header, scale):
@@ -34,6 +36,17 @@ def test_short_names_go_by_their_units(tmp_path, header, scale):
     np.testing.assert_allclose(found.time, SECONDS, atol=0.01)
     np.testing.assert_allclose(found.voltage, VOLTS)
     np.testing.assert_allclose(found.temperature, 298.15)
+
+
+def test_a_unit_stands_for_its_signal_where_no_column_has_a_name_of_it(tmp_path):
+    columns = SECONDS, 1000.0 * VOLTS, np.full(100, -2.0), VOLTS
+    path = written(tmp_path / "a.csv", "Seconds,Millivolts,Amps,Voltage", *columns)
+    np.testing.assert_allclose(read_record(path).trajectory.voltage, VOLTS)
+    path = written(tmp_path / "b.csv", "Seconds,Millivolts,Amps,Reference", *columns)
+    np.testing.assert_allclose(read_record(path).trajectory.voltage, VOLTS)
+    clock = written(tmp_path / "c.csv", "Hours,Seconds,Volts,Amps", SECONDS, SECONDS, VOLTS, np.full(100, -2.0))
+    with pytest.raises(BsaError, match='2 columns for time: "Hours", "Seconds"'):
+        read_record(clock)
 
 
 @pytest.mark.parametrize("name", ["T [degF]", "Temp_F", "Temperature / °F", "Cell Temperature (Fahrenheit)"])

@@ -51,7 +51,7 @@ CASES = {
     "damaged gzip": ("a.csv.gz", gzip.compress(text(rows()))[:60], "a.csv.gz is a damaged gzip file", "again"),
     "not gzip": ("a.csv.gz", text(rows()), "a damaged gzip file", "again"),
     "unknown kind": ("a.pdf", b"%PDF-1.4", "no reader recognises the file a.pdf", "bdf-csv"),
-    "no current": ("a.csv", text(rows(), "Test Time / s,Voltage / V,Amps"), "no column for current", '"Amps"'),
+    "no current": ("a.csv", text(rows(), "Test Time / s,Voltage / V,Amperage"), "no column for current", '"Amperage"'),
     "capacities by cycle": (
         *("a.csv", text([f"{k},{1.1 - 0.001 * k}" for k in range(1, 50)], "cycle,capacity / A.h")),
         *("a.csv is a table with one row for each cycle: it has no column for time, voltage, current", "whole curves"),

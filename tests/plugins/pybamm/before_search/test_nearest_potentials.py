@@ -1,18 +1,17 @@
-"""Published open-circuit potentials that describe a slow record, and cells that start from them."""
+"""Published open-circuit potentials that describe a measured curve, and cells that start from them."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 from bsa.core.errors import BsaError
+from bsa.core.reading.open_circuit import open_circuit_curve, slow_curve
 from bsa.core.segmentation import segment
 from bsa.core.target import CellChange
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.pybamm.before_search.nearest_potentials import (
     chosen_potentials,
     misfit_of,
-    slow_curve,
-    slowest_curve,
     with_potentials,
 )
 from bsa.plugins.pybamm.cells.parameter_sets import load
@@ -45,11 +44,11 @@ def slow(parameter_set: str, polarisation_v: float, charge: bool = False) -> Tra
 
 @pytest.mark.slow
 def test_the_potentials_of_the_set_that_made_the_record_are_nearest() -> None:
-    found = chosen_potentials("nearest", slowest_curve([slow("Ecker2015", 0.005)]))
+    found = chosen_potentials("nearest", open_circuit_curve([slow("Ecker2015", 0.005)]))
     assert (found[0].negative, found[0].positive) == ("Ecker2015", "Ecker2015")
     assert found[0].rms_v < 1e-3
     assert found[1].rms_v > 3 * found[0].rms_v
-    record = slowest_curve([slow("Ecker2015", 0.005)])
+    record = open_circuit_curve([slow("Ecker2015", 0.005)])
     assert record is not None
     own = misfit_of("Chen2020", record)
     assert own is not None
@@ -65,23 +64,9 @@ def test_halfway_between_charge_and_discharge_is_the_open_circuit() -> None:
     assert np.max(np.abs(both.voltage - bare.voltage)[5:-5]) < 2e-3
 
 
-def test_a_slow_charge_and_a_slow_discharge_of_other_charge_are_not_combined() -> None:
-    """A slow discharge, a fast one to empty, a slow charge of what that took, a fast one to full."""
-    hours, current = np.array([10.0, 1.0, 9.0, 1.5]), np.array([0.3, 2.0, -0.2, -2.0])
-    counts = [int(60 * one) for one in hours]
-    ends = zip((4.2, 3.4, 3.0, 3.8), (3.5, 2.9, 3.7, 4.2), counts, strict=True)
-    voltage = np.concatenate([np.linspace(*of_step) for of_step in ends])
-    record = segment(Trajectory(np.arange(len(voltage)) * 60.0, np.repeat(current, counts), voltage))
-    found = slow_curve([record])
-    assert found is not None
-    assert found.polarised == 1
-    assert found.charge_ah == pytest.approx(3.0, rel=0.01)
-    assert found.voltage[[0, -1]] == pytest.approx([4.2, 3.5], abs=0.01)
-
-
 def test_a_set_with_other_potentials_shows_the_slow_record() -> None:
     record = slow("Ecker2015", 0.0)
-    combined = with_potentials("Chen2020", chosen_potentials("Ecker2015", slowest_curve([record]))[0])
+    combined = with_potentials("Chen2020", chosen_potentials("Ecker2015", open_circuit_curve([record]))[0])
     values = load(combined)
     state = InitialState(values)
     scale = np.ptp(record.discharge_capacity) / equilibrium_capacity_ah(combined, {})
@@ -95,29 +80,52 @@ def test_a_set_with_other_potentials_shows_the_slow_record() -> None:
 
 
 def test_the_electrodes_can_be_of_two_sets() -> None:
-    (found,) = chosen_potentials("Mohtat2020/Ecker2015", slowest_curve([slow("Ecker2015", 0.0)]))
+    (found,) = chosen_potentials("Mohtat2020/Ecker2015", open_circuit_curve([slow("Ecker2015", 0.0)]))
     assert str(found) == "Mohtat2020 (negative) and Ecker2015 (positive)"
 
 
 def test_an_unknown_set_and_a_record_faster_than_1c_are_refused() -> None:
     with pytest.raises(BsaError, match="Mohtat2002") as refused:
-        chosen_potentials("Mohtat2002", slowest_curve([slow("Ecker2015", 0.0)]))
+        chosen_potentials("Mohtat2002", open_circuit_curve([slow("Ecker2015", 0.0)]))
     assert "Mohtat2020" in refused.value.hint
     fast = slow("Ecker2015", 0.0)
     fast = fast.changed(time=fast.time / 40.0)
-    with pytest.raises(BsaError, match="at 1C or less"):
-        chosen_potentials("nearest", slowest_curve([fast]))
-    assert slowest_curve([fast]) is None
+    with pytest.raises(BsaError, match="over half of its charge"):
+        chosen_potentials("nearest", open_circuit_curve([fast]))
+    assert open_circuit_curve([fast]) is None
 
 
 def test_without_a_slow_record_a_faster_one_tells_and_says_so() -> None:
     record = slow("Ecker2015", 0.06)
     fast = record.changed(time=record.time / 20.0)
     assert slow_curve([fast]) is None
-    curve = slowest_curve([fast])
+    curve = open_circuit_curve([fast])
     assert curve is not None
     assert "at about 1C" in curve.words
-    assert chosen_potentials("nearest", slowest_curve([fast]))[0].positive == "Ecker2015"
-    both = slowest_curve([fast, record])
+    assert chosen_potentials("nearest", open_circuit_curve([fast]))[0].positive == "Ecker2015"
+    both = open_circuit_curve([fast, record])
     assert both is not None
     assert both.words == "the slow record"
+
+
+@pytest.mark.slow
+def test_rests_of_a_pulse_test_tell_the_potentials() -> None:
+    """Pulses of C/2 with rests of half an hour, at the open-circuit voltages of a set's cell."""
+    record = slow("Ecker2015", 0.0)
+    drawn, voltage = np.interp(np.linspace(0.0, 1.0, 12), np.linspace(0.0, 1.0, 401), record.discharge_capacity), []
+    voltage = np.interp(drawn, record.discharge_capacity, record.voltage)
+    pulse_s = 3600.0 * float(drawn[1] - drawn[0]) / (record.current[0] * HOURS / 2.0)
+    time, current, shown = [np.arange(0.0, 1801.0, 60.0)], [np.zeros(31)], [np.full(31, voltage[0])]
+    for number in range(1, 12):
+        time.append(time[-1][-1] + np.linspace(1.0, pulse_s + 1.0, 40))
+        current.append(np.full(40, record.current[0] * HOURS / 2.0))
+        shown.append(np.linspace(voltage[number - 1], voltage[number], 40) - 0.15)
+        time.append(time[-1][-1] + 1.0 + np.arange(0.0, 1801.0, 60.0))
+        current.append(np.zeros(31))
+        shown.append(voltage[number] - 0.05 * np.exp(-np.arange(31.0)))
+    pulses = segment(Trajectory(np.concatenate(time), np.concatenate(current), np.concatenate(shown)))
+    curve = open_circuit_curve([pulses])
+    assert curve is not None
+    assert curve.words == "the voltages at the end of 12 rests"
+    found = chosen_potentials("nearest", curve)[0]
+    assert (found.positive, found.rms_v < 2e-3) == ("Ecker2015", True)
