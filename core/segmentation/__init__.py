@@ -4,11 +4,12 @@ The cut goes from fine to coarse, each pass in time proportional to the number o
 
 1. *Signs*: samples are at rest, charging or discharging, with hysteresis so that noise does not flicker.
 2. *Levels*: each stretch of one sign is cut wherever the current leaves its running mean.
-3. *Holds*: levels that fall one after the other while the voltage stands still are one constant-voltage hold.
-4. *Smooth runs*: levels that run into each other without a jump (a drifting current) are joined, and
+3. *Wobbles*: levels of one sign whose changes of the current the voltage does not answer are one level.
+4. *Holds*: levels that fall one after the other while the voltage stands still are one constant-voltage hold.
+5. *Smooth runs*: levels that run into each other without a jump (a drifting current) are joined, and
    a glitch of one or two samples between equal levels is closed.
-5. *Drive cycles*: many short levels that follow each other are one drive.
-6. *Names*: what is left is a pulse or a constant-current step.
+6. *Drive cycles*: many short levels that follow each other are one drive.
+7. *Names*: what is left is a pulse or a constant-current step.
 """
 
 from collections.abc import Iterator
@@ -23,6 +24,7 @@ from .holds import with_holds
 from .levels import Level, Signs, levels_of, signals_of, signs_of
 from .naming import name_steps, numbered
 from .smooth_runs import smoothed, without_edges
+from .wobbles import without_wobbles
 
 __all__ = ["segment"]
 
@@ -75,7 +77,7 @@ def segment(
     cuts = np.union1d(_cuts(steps, numbers), begun)
     levels: list[Level] = []
     for stretch in _stretches(levels_of(signals, signs, cuts), cuts):
-        stretch = with_holds(signals, stretch, levels[-1] if levels else None)
+        stretch = with_holds(signals, without_wobbles(signals, stretch), levels[-1] if levels else None)
         levels += without_edges(signals, smoothed(signals, stretch))
     levels = with_drives(signals, levels)
     name_steps(signals, levels)

@@ -22,6 +22,9 @@ LEVEL_SHARE = 0.015
 NOISE_SHARE = 0.008
 """Scatter above this share of the largest current is taken for signal, not noise."""
 
+ANSWERED = 0.3
+"""Correlation of changes of the current with falls of the voltage from which a cell answers them; see `answer`."""
+
 LONG_S = 120.0
 """A level is a step of its own when it lasts this long and holds at least `LONG_SAMPLES`, in s."""
 
@@ -113,11 +116,15 @@ def _moves_voltage(current: FloatArray, voltage: FloatArray) -> bool:
     """Whether changes of the current show in the voltage, as they do in a drive but not in noise."""
     if len(current) < 3:
         return True
-    steps, answers = np.diff(current), np.diff(voltage)
-    size = float(np.sqrt(np.sum(steps**2) * np.sum(answers**2)))
     # A steady current has noise of either sign, but its mean stands clear of zero.
     steady = abs(float(np.mean(current))) > 3.0 * float(np.std(current))
-    return steady or (size > 0.0 and float(-np.sum(steps * answers)) / size > 0.3)
+    return steady or answer(np.diff(current), np.diff(voltage)) > ANSWERED
+
+
+def answer(changes: FloatArray, moves: FloatArray) -> float:
+    """Correlation of changes of the current, A, with falls of the voltage, V: 1 behind a resistance, 0 in noise."""
+    size = float(np.sqrt(np.sum(changes**2) * np.sum(moves**2)))
+    return float(-np.sum(changes * moves)) / size if size > 0.0 else 0.0
 
 
 def signs_of(signals: RecordSignals) -> Signs:

@@ -316,3 +316,31 @@ def test_a_sample_without_a_step_number_is_of_the_step_before() -> None:
     numbers[[0, 19]] = np.nan
     assert segment(record, numbers).steps == known
     assert [step.start for step in known] == [0, 20]
+
+
+def _wobbling(ohm: float, seed: int = 1) -> Trajectory:
+    """A discharge of ten hours whose current varies by up to a third in bursts of some minutes, before a resistance."""
+    rng, count = np.random.default_rng(seed), 3600
+    smooth = np.convolve(rng.standard_normal(count + 20), np.hanning(21) / np.hanning(21).sum(), "valid")
+    bursts = np.repeat(rng.random(count // 60) < 0.25, 60)
+    bursts[:60] = bursts[-60:] = False
+    current = 1.0 + np.where(bursts, 0.5 * smooth, 1e-3 * rng.standard_normal(count))
+    time = 10.0 * np.arange(count)
+    return Trajectory(time, current, 4.2 - 1e-3 * time / 36.0 - ohm * current + 1e-4 * rng.standard_normal(count))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_current_that_wobbles_without_an_answer_is_constant(seed):
+    assert [step.kind for step in segment(_wobbling(0.0, seed)).steps] == [StepKind.CC_DISCHARGE]
+
+
+def test_a_current_that_a_cell_answers_is_driven():
+    assert StepKind.DRIVE in {step.kind for step in segment(_wobbling(0.1)).steps}
+
+
+def test_a_hold_behind_a_charge_is_no_wobble():
+    """The voltage does not answer there either."""
+    time = 20.0 * np.arange(600)
+    current = -np.where(np.arange(600) < 400, 1.0, np.exp(-(np.arange(600) - 399) / 60.0))
+    record = Trajectory(time, current, np.minimum(3.6 + 1.5e-3 * np.arange(600), 4.2))
+    assert [step.kind for step in segment(record).steps] == [StepKind.CC_CHARGE, StepKind.CV_HOLD]
