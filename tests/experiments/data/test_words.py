@@ -47,6 +47,16 @@ def test_a_slow_curve_is_told():
     assert any("Slow CC discharge" in line for line in record_lines(summary(record(interval=3600.0))))
 
 
+def test_voltages_at_the_end_of_long_rests_are_told():
+    current = np.concatenate([np.zeros(120), *[np.repeat([1.0, 0.0], [72, 120])] * 10])  # every ten seconds
+    drawn = np.concatenate([[0.0], np.cumsum(current[1:])]) / 360.0
+    pulses = segment(Trajectory(10.0 * np.arange(len(current)), current, 4.2 - 0.6 * drawn - 0.05 * current))
+    lines = list(record_lines(summary(Record("pulses.csv", pulses))))
+    first = lines.index("Voltage at the end of long rests (11), an open-circuit curve") + 2
+    assert lines[first].split() == ["19.83", "min", "0.0000", "4.200"]
+    assert [line.split()[-1] for line in lines[first : first + 11]] == [f"{4.2 - 0.12 * k:.3f}" for k in range(11)]
+
+
 def test_a_spectrum():
     frequency = np.logspace(3, -1, 20)
     found = ImpedanceSpectrum("z.csv", frequency, 0.02 - 0.01j / frequency + 1e-5j * frequency, 3.7, 298.15)
