@@ -48,4 +48,4 @@ def _wobbles(signals: RecordSignals, row: Sequence[Level]) -> bool:
         return False
     changes, moves = np.diff(current), np.diff(signals.voltage[part])
     large = np.abs(changes) > 0.5 * LEVEL_SHARE * abs(usual)
-    return np.count_nonzero(large) >= _CHANGES and answer(changes[large], moves[large]) < ANSWERED
+    return int(np.count_nonzero(large)) >= _CHANGES and answer(changes[large], moves[large]) < ANSWERED

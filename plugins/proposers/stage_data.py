@@ -187,7 +187,7 @@ def _current_steps(task: Task, rows: ResidualRows, capacity_ah: float) -> View:
                 found.append((after, int(before[-1])))
     spectra, weights = _kinetic_decades(task, rows)
     if not found and not len(spectra):
-        return _none("no step of the current is sampled within a minute")
+        return _none("no step of the current beyond C/10 is sampled within a minute")
     places = np.array([place for after, _ in found for place in after], dtype=np.intp)
     less = np.array([before for after, before in found for _ in after], dtype=np.intp)
     shares = np.array([len(after) ** -0.5 for after, _ in found for _ in after])

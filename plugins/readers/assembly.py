@@ -1,7 +1,8 @@
 """From the columns of a table, wherever it stands, to the signals of a cell."""
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Protocol
 
@@ -47,94 +48,132 @@ class AnyTable(Protocol):
         """Read columns; see `Table.numbers`."""
 
 
+@dataclass(frozen=True)
+class _Times:
+    """What the columns of the time and of dates tell."""
+
+    seconds: FloatArray  # Time of each sample, s; shape (n,).
+    dates: Mapping[Extra, FloatArray]  # Of each sample, where there are any.
+    day_first: bool | None = None  # Whether the day comes before the month in them; None where that is not told.
+    notes: tuple[str, ...] = ()
+
+
 def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ()) -> Samples:
     """Read the signals of a table. Raises `BsaError` naming the file, the row or column at fault and its value."""
     found = resolve(table.header, table.units, options, table.source)
     taken = {column.index for column in found.values()}
-    extra: dict[Extra, int] = {}
-    for name, names in EXTRA.items():
-        place = named(table.header, names)
-        if place is not None and place not in taken:
-            extra[name] = place
+    places = _places_of_extra(table.header, taken)
     ambient, unknown = ambient_in(table.header, table.units)
     time = found["time"]
-    written = is_clock_or_date(table.first(time.index))  # as 10:00:00, or as a date
-    numeric = [column for column in found.values() if not (written and column is time)]
-    cells = [] if options.join else telling_cells(table.header, {*taken, *extra.values()})
-    texts = [*extra.values(), *([] if ambient is None else [ambient.index]), *([time.index] if written else []), *cells]
+    in_words = is_clock_or_date(table.first(time.index))  # as 10:00:00, or as a date
+    numeric = [column for column in found.values() if not (in_words and column is time)]
+    cells = [] if options.join else telling_cells(table.header, {*taken, *places.values()})
+    texts = [*places.values(), *([ambient.index] if ambient else []), *([time.index] if in_words else []), *cells]
     read = table.numbers({column.index: column.name for column in numeric}, options.where, texts)
     refuse_several_cells(table.header, {place: read.texts[place] for place in cells}, table.source)
     signals = {column.signal: column.in_si(read.values[column.index]) for column in numeric}
-    said = [*notes, *read.notes]
-    if unknown and options.ambient_c is None:
-        said.append(unknown)
-    said_by_file = _extra(table, extra, read)
+    extra = _extra(table, places, read)
     if ambient is not None:
-        said_by_file["ambient_k"] = kelvin(ambient, read.texts[ambient.index], table.decimal_comma)
-    own = said_by_file.pop("date", None)
-    date, dated = own, extra.get("date", time.index)
-    if written:
-        signals["time"], date = elapsed_s(read.texts[time.index], table.source, time.name, own)
-        said.append(
-            f'the time is that of column "{shown(time.name)}", which begins at {shown(read.texts[time.index][0])}.'
-        )
-        if clock_s(table.first(time.index)) is None:
-            own, dated = date, time.index
-        date = own if date is None else date
-    elif is_date(signals["time"]):
-        date = signals["time"] if own is None else own
-        signals["time"] = signals["time"] - signals["time"][0]
-    day_first: bool | None = None
-    if date is not None:
-        dates, day_first = _dated(date, date if own is None else own, read.texts.get(dated, []))
-        said_by_file |= dates
-    bare = [column for column in numeric if column.unit is None]
-    if bare:
-        verb = "has no unit; it was" if len(bare) == 1 else "have no units; they were"
-        taken_in = ", ".join(_TAKEN[column.signal] for column in bare)
-        said.append(f"{listed(column.name for column in bare)} {verb} taken to be in {taken_in}.")
-    said += [
-        f'column "{shown(column.name)}" was read in {options.units[column.signal]}, as said, not in '
-        f"{shown(column.written)}, as the file has it."
-        for column in numeric
-        if column.written is not None
-    ]
+        extra["ambient_k"] = kelvin(ambient, read.texts[ambient.index], table.decimal_comma)
+    beside, texts_beside = extra.pop("date", None), read.texts.get(places.get("date", -1), ())
+    times = (
+        _times_in_words(table.source, time, read.texts[time.index], beside, texts_beside)
+        if in_words
+        else _times_in_numbers(signals["time"], beside, texts_beside)
+    )
+    extra |= times.dates
     if "current" not in signals:
         assert options.constant_current_a is not None
-        signals["current"] = signals["time"] * 0.0 + options.constant_current_a
-        said.append(f"the file has no current; {options.constant_current_a:g} A was used throughout, as said.")
-    elif options.constant_current_a is not None:
-        said.append(
-            f'the current of column "{shown(found["current"].name)}" was used, not the constant '
-            f"{options.constant_current_a:g} A that was said: that is for a file without a current."
-        )
+        signals["current"] = times.seconds * 0.0 + options.constant_current_a
     return Samples(
         source=table.source,
         rows=read.rows,
-        time=signals["time"],
+        time=times.seconds,
         voltage=signals["voltage"],
         current=signals["current"],
         temperature=signals.get("temperature"),
         names={signal: shown(column.name) for signal, column in found.items()},
-        tests_by=_tests_by(table, signals["time"], options) if not {"date", "cycle"} & set(said_by_file) else None,
-        without_unit=tuple(column.signal for column in bare),
-        notes=tuple(said),
-        day_first=day_first,
-        extra=said_by_file,
+        tests_by=_tests_by(table, times.seconds, options) if not {"date", "cycle"} & set(extra) else None,
+        without_unit=tuple(column.signal for column in numeric if column.unit is None),
+        notes=(
+            *notes,
+            *read.notes,
+            *([unknown] if unknown and options.ambient_c is None else []),
+            *times.notes,
+            *_notes_on_units(numeric, options),
+            *_note_on_constant_current(found.get("current"), options),
+        ),
+        day_first=times.day_first,
+        extra=extra,
     )
 
 
-def _dated(date: FloatArray, own: FloatArray, texts: Sequence[str]) -> tuple[dict[Extra, FloatArray], bool | None]:
-    """What is told by dates, and whether the day comes before the month in them.
+def _places_of_extra(header: Sequence[str], taken: Container[int]) -> dict[Extra, int]:
+    """Columns that say more than the signals do, besides those that are taken."""
+    found = {name: named(header, names) for name, names in EXTRA.items()}
+    return {name: place for name, place in found.items() if place is not None and place not in taken}
 
-    ``own`` are those of the column with these texts, ``date`` has also the time of the day, if a clock beside it tells
-    one.
+
+def _times_in_words(
+    source: str, column: Column, texts: Sequence[str], beside: FloatArray | None, texts_beside: Sequence[str]
+) -> _Times:
+    """Times that are clocks or dates; ``beside`` are the dates of a column beside them."""
+    seconds, dates = elapsed_s(texts, source, column.name, beside)
+    note = f'the time is that of column "{shown(column.name)}", which begins at {shown(texts[0])}.'
+    if clock_s(next((text for text in texts if text), "")) is None:  # they are dates themselves
+        beside, texts_beside = dates, texts
+    dates = beside if dates is None else dates
+    return _dated(_Times(seconds, {}, None, (note,)), dates, beside, texts_beside)
+
+
+def _times_in_numbers(values: FloatArray, beside: FloatArray | None, texts_beside: Sequence[str]) -> _Times:
+    """Times in seconds, or in seconds since 1970, which are dates; ``beside`` are those of a column beside them."""
+    if not is_date(values):
+        return _dated(_Times(values, {}), beside, beside, texts_beside)
+    return _dated(_Times(values - values[0], {}), values if beside is None else beside, beside, texts_beside)
+
+
+def _dated(times: _Times, dates: FloatArray | None, written: FloatArray | None, texts: Sequence[str]) -> _Times:
+    """Times with what dates tell.
+
+    ``written`` are those of the column with these texts, ``dates`` have also the time of the day, if a clock beside it
+    tells one.
     """
-    found: dict[Extra, FloatArray] = {"day" if is_of_days(date) else "date": date}
+    if dates is None:
+        return times
+    found: dict[Extra, FloatArray] = {"day" if is_of_days(dates) else "date": dates}
     day_first, other = exchanged(texts)
     if other is not None:
-        found["other_date"] = other + (date - own)
-    return found, day_first
+        found["other_date"] = other + (dates - (dates if written is None else written))
+    return replace(times, dates=found, day_first=day_first)
+
+
+def _notes_on_units(columns: Sequence[Column], options: ReadOptions) -> Iterator[str]:
+    """What is to be said of units that no column has, and of those that the options replace."""
+    bare = [column for column in columns if column.unit is None]
+    if bare:
+        verb = "has no unit; it was" if len(bare) == 1 else "have no units; they were"
+        taken_in = ", ".join(_TAKEN[column.signal] for column in bare)
+        yield f"{listed(column.name for column in bare)} {verb} taken to be in {taken_in}."
+    for column in columns:
+        if column.written is not None:
+            yield (
+                f'column "{shown(column.name)}" was read in {options.units[column.signal]}, as said, not in '
+                f"{shown(column.written)}, as the file has it."
+            )
+
+
+def _note_on_constant_current(column: Column | None, options: ReadOptions) -> list[str]:
+    """What is to be said of the current that the options give."""
+    constant_a = options.constant_current_a
+    if constant_a is None:
+        return []
+    if column is None:
+        return [f"the file has no current; {constant_a:g} A was used throughout, as said."]
+    return [
+        f'the current of column "{shown(column.name)}" was used, not the constant {constant_a:g} A that was said: that '
+        "is for a file without a current."
+    ]
 
 
 def _extra(table: AnyTable, places: Mapping[Extra, int], read: Numbers) -> dict[Extra, FloatArray]:
