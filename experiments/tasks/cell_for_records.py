@@ -238,26 +238,24 @@ def with_chosen_potentials(
     """The parameter set with the potentials that were asked for, and what is to be said of them."""
     from ...plugins.pybamm.before_search.nearest_potentials import chosen_potentials, misfit_of, with_potentials
 
-    curve, words = open_circuit_curve([record.trajectory for record in records]), []
-    which = "the slow record" if curve is None else curve.words
-    if parameter_set != NEAREST:
-        own_v = None if curve is None else misfit_of(parameter_set, curve)
+    curve = open_circuit_curve([record.trajectory for record in records])
+    own_v = None if curve is None or parameter_set == NEAREST else misfit_of(parameter_set, curve)
+    own = ""
+    if curve is not None and own_v is not None:
+        own = f"The open-circuit potentials of {parameter_set} leave {1e3 * own_v:.1f} mV of {curve.words}"
+    if parameter_set != NEAREST and not wanted:
         far = own_v is not None and own_v > NEAR_POTENTIALS_V
-        words = [f"The open-circuit potentials of {parameter_set} leave {1e3 * (own_v or 0.0):.1f} mV of {which}"]
-        if not wanted:
-            nearer = (
-                "--ocp nearest takes the nearest of the installed sets, --parameters nearest the rest of that set too."
-            )
-            return parameter_set, [f"{words[0]}: {nearer}"] * far
+        nearer = "--ocp nearest takes the nearest of the installed sets, --parameters nearest the rest of that set too."
+        return parameter_set, [f"{own}: {nearer}"] * far
     named = "name a set with --parameters (bsa list parameters shows all)"
     without = [named] * (parameter_set == NEAREST) + ["leave --ocp out"] * bool(wanted)
     found = chosen_potentials(wanted or NEAREST, curve, " and ".join(without))
+    assert curve is not None  # else no potentials can be chosen
     taken = found[0]
     base = taken.positive if parameter_set == NEAREST else parameter_set
-    left = "" if words else "leave "
-    rest = "" if words else f" of {which}"
-    words.append(f"{'those' if words else 'The potentials'} of {taken} {left}{1e3 * taken.rms_v:.1f} mV{rest}")
-    said = f"{', '.join(words)}: they are taken, with electrodes balanced for them, and all else from {base}."
+    left = f"{1e3 * taken.rms_v:.1f} mV"
+    compared = f"{own}, those of {taken} {left}" if own else f"The potentials of {taken} leave {left} of {curve.words}"
+    said = f"{compared}: they are taken, with electrodes balanced for them, and all else from {base}."
     others = "; ".join(f"{other}: {1e3 * other.rms_v:.1f} mV" for other in found[1:4])
     chosen, notes = with_potentials(base, taken), [said + f" The next: {others}." * bool(others)]
     if parameter_set != NEAREST:
