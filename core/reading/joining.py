@@ -1,6 +1,6 @@
 """Several files of one cell as one record: their order, their clocks and their counts of cycles."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -58,48 +58,60 @@ def carried_on(samples: Samples, everything: bool = False) -> Samples:
 
 def _on(samples: Samples, bounds: NDArray[np.intp], everything: bool) -> Samples:
     """Carry the clock on at the given samples, and where it falls."""
-    time = samples.time
+    places, passed = _restarts(samples, bounds, everything)
+    if len(places) == 0:
+        return samples
+    time, known = samples.time, np.isfinite(passed)
+    written = time[places] - time[places - 1]
+    falls = written < 0.0
+    gaps = np.where(known, passed, np.where(falls, usual_interval(time) or 1.0, written))
+    shift = np.zeros(len(samples))
+    shift[places] = gaps - written
+    extra = dict(samples.extra)
+    if falls.any():
+        extra["test"] = _tests_counted(samples.extra.get("test"), places[falls], len(samples))
+    if "cycle" in extra:
+        extra["cycle"] = _counted_on(extra["cycle"], _where_cycles_begin_anew(samples, places, bounds))
+    result = replace(samples, time=time + np.cumsum(np.nan_to_num(shift)), extra=extra)
+    return replace(result, notes=(*result.notes, *_notes_on(samples, places[falls], gaps[falls], known[falls])))
+
+
+def _restarts(samples: Samples, bounds: NDArray[np.intp], everything: bool) -> tuple[NDArray[np.intp], FloatArray]:
+    """Places where the clock is to be carried on, and the seconds that passed there by dates (NaN where unknown).
+
+    Unless ``everything`` is carried on, dates or a count of cycles must show that the record goes on there.
+    """
+    time, cycle = samples.time, samples.extra.get("cycle")
     with np.errstate(invalid="ignore", over="ignore"):  # what is no time is refused later, with its row
         fallen = np.flatnonzero((np.diff(time) < -RESTART_S) | begins_anew(time) | _begins_step(samples)) + 1
     fallen = fallen[time[fallen] < time[np.maximum(fallen - 2, 0)]]  # else the sample before was a lone spike
     places = np.union1d(bounds, fallen).astype(np.intp)
-    if len(places) == 0:
-        return samples
     passed = _passed(samples, places)
-    cycle = samples.extra.get("cycle")
+    if everything:
+        return places, passed
     goes_on = np.isfinite(passed)
     if cycle is not None:
         goes_on |= cycle[places] == cycle[places - 1] + 1
-    if not everything:
-        places, passed = places[goes_on], passed[goes_on]
-        if len(places) == 0:
-            return samples
-    falls = time[places] < time[places - 1]
-    usual = usual_interval(time) or 1.0
-    wanted = np.where(np.isfinite(passed), passed, np.where(falls, usual, time[places] - time[places - 1]))
-    shift = np.zeros(len(samples))
-    shift[places] = wanted - (time[places] - time[places - 1])
-    extra = dict(samples.extra)
-    if falls.any():
-        extra["test"] = _tests_counted(samples.extra.get("test"), places[falls], len(samples))
-    if cycle is not None:
-        by_step = bool(np.any(time[places] >= time[places - 1] - RESTART_S))
-        within = places[cycle[places] < cycle[places - 1]] if by_step else places
-        extra["cycle"] = _counted_on(cycle, np.intersect1d(places, bounds) if len(bounds) else within)
-    result = replace(samples, time=time + np.cumsum(np.nan_to_num(shift)), extra=extra)
-    notes = [
-        f"the clock restarts in {samples.place(k)}; it was carried on "
-        + (f"{gap:g} s later by its date." if known else "after one interval, for want of a date.")
-        for k, gap, known in zip(places.tolist(), wanted.tolist(), np.isfinite(passed).tolist(), strict=True)
-        if time[k] < time[k - 1]
-    ]
-    if len(notes) > _LISTED:
-        more = len(notes) - _LISTED
-        notes = [
-            *notes[:_LISTED],
-            f"{counted(more, 'more restart')} of the clock {were(more)} carried on in the same way.",
-        ]
-    return replace(result, notes=(*result.notes, *notes))
+    return places[goes_on], passed[goes_on]
+
+
+def _where_cycles_begin_anew(samples: Samples, places: NDArray[np.intp], bounds: NDArray[np.intp]) -> NDArray[np.intp]:
+    """At which of the places a number of a cycle that does not rise is that of another count."""
+    if len(bounds):
+        return np.intersect1d(places, bounds)
+    time, cycle = samples.time, samples.extra["cycle"]
+    by_step = bool(np.any(time[places] >= time[places - 1] - RESTART_S))  # the clock of each step, not of the test
+    return places[cycle[places] < cycle[places - 1]] if by_step else places
+
+
+def _notes_on(samples: Samples, places: NDArray[np.intp], gaps: FloatArray, known: NDArray[np.bool_]) -> Iterator[str]:
+    """What is to be said of clocks that fall and were carried on; ``known`` are those with dates."""
+    told = zip(places[:_LISTED].tolist(), gaps.tolist(), known.tolist(), strict=False)
+    for place, gap, dated in told:
+        when = f"{gap:g} s later by its date" if dated else "after one interval, for want of a date"
+        yield f"the clock restarts in {samples.place(place)}; it was carried on {when}."
+    if (more := len(places) - _LISTED) > 0:
+        yield f"{counted(more, 'more restart')} of the clock {were(more)} carried on in the same way."
 
 
 def _begins_step(samples: Samples) -> Mask:
