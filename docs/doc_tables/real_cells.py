@@ -71,6 +71,21 @@ def by_start(results: Results) -> str:
     return results.framed("nearest_set", table_of(results.rows("nearest_set"), columns, 3))
 
 
+def by_rests(results: Results) -> str:
+    """Errors of cells whose records have rests in place of a slow charge or discharge."""
+    columns = {
+        "cell": "{cell}",
+        "record": "{record}",
+        "": "{role}",
+        "before / mV": "{start_mv:known}",
+        "rms / mV": "{rms_mv:brief}",
+        "over 99 % of the time / mV": "{rms_99_mv:brief}",
+        "inside / %": "{inside_pct:known}",
+        "simulations": "{simulations:.0f}",
+    }
+    return results.framed("pulse_tests", table_of(results.rows("pulse_tests"), columns, 3))
+
+
 def as_in_the_paper(results: Results) -> str:
     """The paper's errors of first cycles whose steps are simulated."""
     columns = {
