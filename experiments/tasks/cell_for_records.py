@@ -58,6 +58,10 @@ _SHEET, _CELL = 40.0, 7.0
 pouch cells, and more than 100 in sets whose surface is that of a single electrode sheet. A cell of many sheets is taken
 for a compact body."""
 
+_FAR_POTENTIALS_V = 0.05
+"""Misfit from which even the nearest published potentials are those of other materials, V: the measured cells of
+docs/real-cells-results.md left 4 to 20 mV."""
+
 _MEASURED_FACTOR = 2.2
 """Thermodynamic factor of LiPF6 in carbonates at 1 mol/l and 25 degC: 2.17 in PC:EC:DMC (Valoen and Reimers, J.
 Electrochem. Soc. 152 (2005) A882, doi:10.1149/1.1872737), 2.18 in EC:EMC (Landesfeind and Gasteiger, J. Electrochem.
@@ -256,6 +260,11 @@ def with_chosen_potentials(
     left = f"{1e3 * taken.rms_v:.1f} mV"
     compared = f"{own}, those of {taken} {left}" if own else f"The potentials of {taken} leave {left} of {curve.words}"
     said = f"{compared}: they are taken, with electrodes balanced for them, and all else from {base}."
+    if taken.rms_v > _FAR_POTENTIALS_V:
+        said += (
+            " No pair comes near: measured cells left 4 to 20 mV. Check the sign and the unit of the current. A cell "
+            "of another chemistry (sodium, lithium titanate) needs a parameter file of its own (--parameters FILE)."
+        )
     others = "; ".join(f"{other}: {1e3 * other.rms_v:.1f} mV" for other in found[1:4])
     chosen, notes = with_potentials(base, taken), [said + f" The next: {others}." * bool(others)]
     if parameter_set != NEAREST:

@@ -347,6 +347,13 @@ def test_without_a_slow_record_a_discharge_at_1c_tells_the_set_and_a_note_says_s
     )
 
 
+def test_that_no_published_potentials_come_near_is_said() -> None:
+    slow = slow_discharge()
+    titanate = replace(slow, trajectory=slow.trajectory.changed(voltage=slow.trajectory.voltage - 1.5))
+    assert any("No pair comes near" in note for note in with_chosen_potentials("nearest", "", [titanate])[1])
+    assert not any("No pair comes near" in note for note in with_chosen_potentials("nearest", "", [slow])[1])
+
+
 def test_rates_of_the_nearest_set_that_are_far_from_all_others_are_replaced_and_those_of_a_named_set_kept() -> None:
     nearest = with_chosen_potentials("nearest", "NCA_Kim2011", [slow_discharge()])
     assert str(nearest[0]).endswith("with usual rates")
