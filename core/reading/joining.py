@@ -99,9 +99,20 @@ def _where_cycles_begin_anew(samples: Samples, places: NDArray[np.intp], bounds:
     """At which of the places a number of a cycle that does not rise is that of another count."""
     if len(bounds):
         return np.intersect1d(places, bounds)
-    time, cycle = samples.time, samples.extra["cycle"]
-    by_step = bool(np.any(time[places] >= time[places - 1] - RESTART_S))  # the clock of each step, not of the test
-    return places[cycle[places] < cycle[places - 1]] if by_step else places
+    time, cycle, before = samples.time, samples.extra["cycle"], places - 1
+    # A clock of each step, not of the test: it falls by little somewhere, or a later step of the same cycle begins.
+    short = time[places] >= time[before] - RESTART_S
+    same = (cycle[places] == cycle[before]) & _goes_on_with_steps(samples, places)
+    by_step = bool(np.any(short | same))
+    return places[cycle[places] < cycle[before]] if by_step else places
+
+
+def _goes_on_with_steps(samples: Samples, places: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Where the number of the step rises; without such numbers, where dates show no pause."""
+    step = samples.extra.get("step")
+    if step is not None:
+        return np.asarray(step[places] > step[places - 1])
+    return np.asarray(_passed(samples, places) <= usual_interval(samples.time))
 
 
 def _notes_on(samples: Samples, places: NDArray[np.intp], gaps: FloatArray, known: NDArray[np.bool_]) -> Iterator[str]:

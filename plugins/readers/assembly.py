@@ -14,7 +14,7 @@ from ...core.reading.clock import RESTART_S
 from ...core.reading.samples import Extra, Samples
 from ...core.record import ReadOptions
 from ...core.trajectory import FloatArray
-from .columns import EXTRA, Column, ambient_in, named, resolve, unit_of
+from .columns import EXTRA, Column, ambient_in, may_be_temperatures, named, resolve, unit_of
 from .dates import clock_s, elapsed_s, exchanged, is_clock_or_date, is_date, is_of_days, seconds_of
 from .several_cells import refuse_several_cells, telling_cells
 from .table import Numbers
@@ -101,6 +101,7 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
             *([unknown] if unknown and options.ambient_c is None else []),
             *times.notes,
             *_notes_on_units(numeric, options),
+            *([] if "temperature" in found else _notes_on_temperatures(table, taken)),
             *_note_on_constant_current(found.get("current"), options),
         ),
         day_first=times.day_first,
@@ -161,6 +162,19 @@ def _notes_on_units(columns: Sequence[Column], options: ReadOptions) -> Iterator
                 f'column "{shown(column.name)}" was read in {options.units[column.signal]}, as said, not in '
                 f"{shown(column.written)}, as the file has it."
             )
+
+
+def _notes_on_temperatures(table: AnyTable, taken: Container[int]) -> Iterator[str]:
+    """What is to be said of columns that may hold the cell's temperature, where none has a name that says so."""
+    places = [
+        k
+        for k in may_be_temperatures(table.header, taken)
+        if np.isfinite(numbers([table.first(k)], table.decimal_comma)).all()
+    ]
+    if places:
+        names = [table.header[k] for k in places]
+        which = shlex.quote(f"temperature={shown(names[0])}")
+        yield f"no column is known to be the temperature of the cell; {listed(names)} may be (--column {which})."
 
 
 def _note_on_constant_current(column: Column | None, options: ReadOptions) -> list[str]:

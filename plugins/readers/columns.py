@@ -36,7 +36,7 @@ _FACTORS: Mapping[Signal, Mapping[str, float]] = {
         **dict.fromkeys(["ma", "milliamp", "milliamps", "milliampere"], 1e-3),
     },
     "temperature": {
-        **dict.fromkeys(["degc", "°c", "c", "celsius", "deg c", "degreecelsius", "degree_celsius", "t1"], 1.0),
+        **dict.fromkeys(["degc", "°c", "c", "celsius", "deg c", "degreecelsius", "degree_celsius", "dc", "t1"], 1.0),
         **dict.fromkeys(_KELVIN, 1.0),
         **dict.fromkeys(_FAHRENHEIT, 5.0 / 9.0),
     },
@@ -50,17 +50,17 @@ _OFFERED: Mapping[Signal, str] = {
 
 NAMES: Mapping[Signal, tuple[str, ...]] = {
     "time": (
-        *("testtime", "progtime", "totaltime", "elapsedtime", "time", "timevec", "runtime", "t"),
+        *("testtime", "progtime", "totaltime", "cumulativetime", "elapsedtime", "time", "timevec", "runtime", "t"),
         *("testzeit", "prüfzeit", "laufzeit", "zeit", "temps", "测试时间", "总时间", "时间"),
     ),
     "voltage": (
         *("voltage", "cellvoltage", "voltagemeasured", "terminalvoltage", "ecell", "eweece"),
-        *("ewe", "potential", "volvec", "u", "v"),
+        *("ewe", "potential", "volvec", "vraw", "u", "v"),
         *("zellspannung", "spannung", "tension", "电压"),
     ),
-    "current": ("current", "currentmeasured", "cellcurrent", "currvec", "i", "strom", "courant", "电流"),
+    "current": ("current", "cur", "currentmeasured", "cellcurrent", "currvec", "iraw", "i", "strom", "courant", "电流"),
     "temperature": (
-        *("celltemperature", "surfacetemperature", "temperaturet1", "surfacetemperaturet1", "temperature"),
+        *("celltemperature", "tcell", "surfacetemperature", "temperaturet1", "surfacetemperaturet1", "temperature"),
         *("temperaturemeasured", "auxtemperature1", "temperature1", "temp", "celltempmid", "celltemppos"),
         *("logtempmid", "logtemppositive", "logtemp001", "batterytemp", "casetemperature"),
         *("t1", "t"),
@@ -106,8 +106,12 @@ _WORKING, _COUNTER = "ewe", "ece"
 electrode, that of the working electrode is the cell's voltage."""
 
 _BRACKETS = re.compile(r"^(?P<base>.*?)\s*[\[(]\s*(?P<unit>[^\[\]()]*?)\s*[\])]\s*(?P<tail>_?\d*)$")
-_SLASH = re.compile(r"^(?P<base>.*?)\s*/\s*(?P<unit>[^/]*)$")
+_SLASH = re.compile(r"^(?P<base>.*?)\s*(?:/|#(?=[A-Za-z]))\s*(?P<unit>[^/#]*)$")
 _SUFFIX = re.compile(r"^(?P<base>.+)[_ ](?P<unit>[A-Za-z]+)$")
+
+
+_LIKE_A_TEMPERATURE = re.compile(r"(aux|cell|surface|log|measured)?temp(erature)?\w{0,3}$")
+"""Names of temperatures that may be the cell's or another one: ``Temp 13``, ``AuxTemp``, ``temp1_1``; folded."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +149,8 @@ class Column:
 def split_name(name: str) -> tuple[str, str | None]:
     """A column's name without its unit, folded to letters and digits, and the unit as written.
 
-    Understands ``Voltage / V``, ``U[V]``, ``Current(A)``, ``voltage_V``, ``test_time_second`` and ``Volts``.
+    Understands ``Voltage / V``, ``Voltage#V``, ``U[V]``, ``Current(A)``, ``voltage_V``, ``test_time_second`` and
+    ``Volts``.
     """
     # The patterns take quadratic time, which a name of a megabyte could abuse. Brackets and units may be full-width.
     name = unicodedata.normalize("NFKC", name[:200])
@@ -179,6 +184,11 @@ def _may_be(signal: Signal, base: str, unit: str | None) -> bool:
     return base not in _TWO_MEANINGS or warm == (signal == "temperature")
 
 
+def _is_modulus(name: str) -> bool:
+    """Whether a name is that of an amplitude, such as ``|I|/A`` of an impedance: the signal stands beside it."""
+    return name.lstrip().startswith("|")
+
+
 def unit_of(header: Sequence[str], units: Sequence[str] | None, place: int) -> str | None:
     """The unit of a column as written: in its name, else in the row of units beneath the header."""
     beneath = units[place].strip(" []()") if units is not None and place < len(units) else ""
@@ -200,6 +210,12 @@ def ambient_in(header: Sequence[str], units: Sequence[str] | None) -> tuple[Colu
             f"({_OFFERED['temperature']}); it is not used (--temperature says the ambient temperature in degC)."
         )
     return Column("temperature", place, name, folded), ""
+
+
+def may_be_temperatures(header: Sequence[str], taken: Container[int]) -> list[int]:
+    """Places of columns that may hold a temperature of the cell and have no name that says so."""
+    bases = [split_name(name)[0] for name in header]
+    return [k for k, base in enumerate(bases) if k not in taken and _LIKE_A_TEMPERATURE.match(base)]
 
 
 def half_cell(header: Sequence[str]) -> bool:
@@ -294,7 +310,10 @@ def _index(
         if signal == "voltage" and half_cell(header):
             raise _no_voltage(header, source)
         bases = [split_name(name)[0] for name in header]
-        meant = [_may_be(signal, base, unit_of(header, units, k)) for k, base in enumerate(bases)]
+        meant = [
+            _may_be(signal, base, unit_of(header, units, k)) and not _is_modulus(header[k])
+            for k, base in enumerate(bases)
+        ]
         preferred = _preferred(NAMES[signal], [base for base, fits in zip(bases, meant, strict=True) if fits])
         if preferred is None and signal == "time":
             preferred = _preferred(EXTRA["date"], bases)
@@ -323,7 +342,7 @@ def _unit(
     unit = options.units.get(signal) or unit_of(header, units, index)
     if unit is None or (signal == "time" and ":" in unit):  # "hh:mm:ss" tells how a clock is written
         return None
-    folded = unit.strip().casefold()
+    folded = unit.strip().rstrip(".").casefold()
     if folded not in _FACTORS[signal]:
         raise BsaError(
             f'{source}: column "{shown(header[index])}" has the unit "{shown(unit)}", which is no unit of {signal}.',

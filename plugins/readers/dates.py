@@ -18,11 +18,11 @@ _DAY = re.compile(r"(?P<a>\d+)(?P<mark>[-/.])(?P<b>\d+)[-/.]\d+")
 _MOST_DAYS, _MOST_MONTHS = 31, 12
 
 _ISO = re.compile(r"\d{4}-\d\d-\d\d")
-_CLOCK = re.compile(r"(?:(?P<days>\d+)\s*d(?:ays?,?)?\s*)?(?P<h>\d+):(?P<m>\d\d):(?P<s>\d\d(?:[.,]\d*)?)")
+_CLOCK = re.compile(r"(?:(?P<days>\d+)(?:\s*d(?:ays?,?)?\s*|-))?(?P<h>\d+):(?P<m>\d\d):(?P<s>\d\d?(?:[.,]\d*)?)")
 
 
 def clock_s(text: str) -> float | None:
-    """A time such as ``26:10:00.5`` or ``1d 02:10:00,5`` in seconds; None where it is none."""
+    """A time such as ``26:10:00.5``, ``1d 02:10:0,5`` or ``1-02:10:00`` in seconds; None where it is none."""
     found = _CLOCK.fullmatch(text.strip())
     if found is None:
         return None

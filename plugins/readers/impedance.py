@@ -18,13 +18,15 @@ from ...core.record import ImpedancePart, ReadOptions
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.trajectory import FloatArray
 from .assembly import AnyTable, kelvin, numbers, told_apart_by
-from .columns import NAMES, Column, ambient_in, half_cell, named, split_name, unit_of
+from .columns import NAMES, Column, ambient_in, half_cell, named, signal_of, split_name, unit_of
 from .generic_csv import first_lines, is_text_table
 from .source import load_text
 from .table import Numbers, find_table, no_column
 
 _HEAD_LINES = 120
 _MIN_POINTS = 5
+_MOSTLY = 0.5
+"""Share of the first rows without a frequency from which a table with columns of both is a record."""
 
 _PARTS: Mapping[ImpedancePart, tuple[str, ...]] = {
     "frequency": ("actfreq", "freq", "frequency", "f", "omega", "omegarad", "angularfrequency", "ω", "ωrad"),
@@ -83,10 +85,10 @@ class ImpedanceCsv:
         self._unit = options.unit
 
     def matches(self, path: Path) -> bool:
-        """Whether a line near the top names the columns of a spectrum."""
-        return is_text_table(path) and any(
-            holds_spectrum(re.split("[;,\t]", line)) for line in first_lines(path, _HEAD_LINES)
-        )
+        """Whether a line near the top names the columns of a spectrum, and those below it are no record's."""
+        lines = [re.split("[;,\t]", line) for line in first_lines(path, _HEAD_LINES)] if is_text_table(path) else []
+        header = next((place for place, cells in enumerate(lines) if holds_spectrum(cells)), None)
+        return header is not None and not _is_of_a_record(lines[header], lines[header + 1 :])
 
     def read(self, path: Path, options: ReadOptions) -> ImpedanceSpectrum:
         """Read the spectrum; see `Reader.read`."""
@@ -97,6 +99,15 @@ class ImpedanceCsv:
 def holds_spectrum(header: Sequence[str]) -> bool:
     """Whether the columns are those of an impedance spectrum."""
     return _columns(header, {}) is not None
+
+
+def _is_of_a_record(header: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
+    """Whether columns of a spectrum beside those of a record are not filled in most rows: the cell is cycled there."""
+    found = _columns(header, {})
+    if found is None or not {"time", "voltage", "current"} <= {signal_of(name) for name in header}:
+        return False
+    frequencies = numbers([row[found.frequency] for row in rows if len(row) > found.frequency], decimal_comma=False)
+    return bool(np.mean(~(frequencies > 0.0)) > _MOSTLY) if len(frequencies) else False
 
 
 def spectrum_of(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.reading.checks import to_record
-from bsa.core.reading.joining import joined
+from bsa.core.reading.joining import carried_on, joined
 from bsa.core.reading.reading import read_record
 from bsa.core.reading.samples import Samples
 from bsa.core.record import ReadOptions
@@ -181,3 +183,27 @@ def test_a_row_out_of_order_is_no_restart_though_its_date_goes_forward():
     record = to_record(samples, ReadOptions())
     assert record.trajectory.duration == at[-1]
     assert any("2 samples out of time order were left out" in note for note in record.notes)
+
+
+@pytest.mark.parametrize("dated", [True, False])
+def test_a_clock_of_each_step_makes_no_cycles_of_its_steps(dated):
+    """Steps of more than a minute each, so that the clock falls far wherever one begins."""
+    whole = cycle("a", MARCH if dated else None, cycles=2)
+    step = np.cumsum(np.diff(whole.current, prepend=whole.current[0]) != 0) % 4 + 1.0
+    begins = np.flatnonzero(np.diff(step, prepend=0.0) != 0)
+    clock = whole.time - whole.time[begins[np.searchsorted(begins, np.arange(len(step)), side="right") - 1]]
+    for extra in ({**whole.extra, "step": step}, whole.extra) if dated else ({**whole.extra, "step": step},):
+        found = joined([replace(whole, time=clock, extra=extra)], "cell")
+        found = carried_on(found, everything=True)
+        assert np.all(np.diff(found.time) > 0)
+        np.testing.assert_array_equal(found.extra["cycle"], whole.extra["cycle"])
+
+
+def test_a_test_that_follows_another_in_a_file_counts_its_cycles_on():
+    one = cycle("a")
+    step = np.cumsum(np.diff(one.current, prepend=one.current[0]) != 0) + 1.0
+    twice = Samples(
+        *("a", np.tile(one.time, 2), np.tile(one.voltage, 2), np.tile(one.current, 2)),
+        extra={"cycle": np.ones(2 * len(one)), "step": np.tile(step, 2)},
+    )
+    assert set(carried_on(twice, everything=True).extra["cycle"]) == {1.0, 2.0}

@@ -27,6 +27,9 @@ def written(path, header: str, *columns: np.ndarray):
         ("~Time[h],U[V],I[A],T1[°C]", 1 / 3600),
         ("t,U,I,T\n[s],[V],[A],[degC]", 1.0),
         ("Seconds,Volts,Amps,Celsius", 1.0),
+        ("Test Time#s,Voltage#V,Current#A,T#degC", 1.0),
+        ("TestTime/Sec.,Voltage/V,Cur(A),AuxTemperature1/dC.", 1.0),
+        ("timestamp_s,v_raw_V,i_raw_A,t_cell_degC", 1.0),
         ("Hours,Volts,Amps,degC", 1 / 3600),
     ],
 )
@@ -111,3 +114,17 @@ def test_a_unit_that_a_person_says_in_place_of_the_file_s_is_kept_beside_it(
     assert found[signal].unit == said.casefold()
     assert found[signal].written == written
     assert {column.written for name, column in found.items() if name != signal} == {None}
+
+
+def test_an_amplitude_of_an_impedance_is_no_current_beside_the_current(tmp_path):
+    columns = SECONDS, VOLTS, np.full(100, -2.0), np.full(100, 0.5)
+    path = written(tmp_path / "a.csv", "time/s,Ecell/V,I/A,|I|/A", *columns)
+    np.testing.assert_allclose(read_record(path).trajectory.current, 2.0)
+
+
+@pytest.mark.parametrize(("name", "told"), [("Temp 13", True), ("AuxTemp", True), ("Template", False), ("Rate", False)])
+def test_columns_that_may_be_the_temperature_are_named(tmp_path, name, told):
+    path = written(tmp_path / "a.csv", f"t/s,U/V,I/A,{name}", SECONDS, VOLTS, np.full(100, -2.0), np.full(100, 25.0))
+    found = read_record(path)
+    assert found.trajectory.temperature is None
+    assert any("may be (--column" in note and name in note for note in found.notes) == told

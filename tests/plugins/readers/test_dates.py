@@ -41,7 +41,14 @@ def test_between_points_the_day_comes_first():
 
 @pytest.mark.parametrize(
     ("text", "seconds"),
-    [("00:00:00.115", 0.115), ("26:10:00", 94200.0), ("1d 02:10:00,5", 94200.5), ("1 day, 2:10:00", 94200.0)],
+    [
+        ("00:00:00.115", 0.115),
+        ("26:10:00", 94200.0),
+        ("1d 02:10:00,5", 94200.5),
+        ("1 day, 2:10:00", 94200.0),
+        ("1-02:10:00", 94200.0),
+        ("0d 00:00:5.05000019073486", 5.05),
+    ],
 )
 def test_clocks(text, seconds):
     assert clock_s(text) == pytest.approx(seconds)

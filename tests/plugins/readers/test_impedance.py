@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.reading.reading import read_file, read_record
-from bsa.core.record import ReadOptions
+from bsa.core.record import ReadOptions, Record
 from bsa.core.spectrum import ImpedanceSpectrum
 
 FREQUENCY = np.logspace(4, -2, 31)
@@ -218,3 +218,15 @@ def test_a_rest_voltage_is_in_its_unit(tmp_path, unit, volts):
     assert isinstance(spectrum, ImpedanceSpectrum)
     assert spectrum.voltage == (None if volts is None else pytest.approx(volts))
     assert any("not known" in note for note in spectrum.notes) == (volts is None)
+
+
+@pytest.mark.parametrize(("filled", "kind"), [(0.0, Record), (0.2, Record), (0.9, ImpedanceSpectrum)])
+def test_a_record_with_columns_of_a_spectrum_is_one_where_most_rows_have_no_frequency(tmp_path, filled, kind):
+    with_frequency = np.arange(len(FREQUENCY)) < filled * len(FREQUENCY)
+    rows = [
+        f"{60 * k},{4.1 - 0.01 * k},-500,{f if has else 0},{z.real if has else 0},{-z.imag if has else 0}"
+        for k, (f, z, has) in enumerate(zip(FREQUENCY, IMPEDANCE, with_frequency, strict=True))
+    ]
+    path = tmp_path / "cell.txt"
+    path.write_text("\n".join(["time/s,Ecell/V,I/mA,freq/Hz,Re(Z)/Ohm,-Im(Z)/Ohm", *rows]))
+    assert isinstance(read_file(path), kind)
