@@ -9,17 +9,19 @@ from ...core.record import ReadOptions
 from ...core.spectrum import ImpedanceSpectrum
 from .assembly import read_table
 from .columns import NAMES, named
+from .gamry import gamry_table
+from .layered import layered_table
 from .source import head, load_text
 from .table import Table, find_table
 
-SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".bdf", ".mpt")
+SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".bdf", ".mpt", ".dta")
 
 
 class GenericCsv:
     """Reads tables parted by commas, semicolons, tabs or white space, also gzipped.
 
     Columns are recognised by common names (``Time [s]``, ``voltage_V``, ``I[A]``), or said with ``columns``;
-    a table without names has columns ``1``, ``2``, ...
+    a table without names has columns ``1``, ``2``, ... Neware's layered exports and Gamry's ``.DTA`` are read too.
     """
 
     def matches(self, path: Path) -> bool:
@@ -35,7 +37,7 @@ class GenericCsv:
                 "leave out --sheet; --where COLUMN=VALUE chooses rows.",
             )
         text, notes = load_text(path)
-        table = find_table(text, source)
+        table = layered_table(text, source) or gamry_table(text, source, options) or find_table(text, source)
         if _is_named_a_spectrum(table, options):
             from .impedance import spectrum_of  # which reads such tables too, and takes what is below from here
 

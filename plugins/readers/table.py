@@ -6,6 +6,7 @@ from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,14 @@ _ROWS_OF_COMMAS = 50
 
 _SEPARATORS: tuple[str | None, ...] = (";", "\t", ",", None)
 _MISSING = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"})
+
+_UNITS = frozenset(
+    [
+        *("s", "sec", "ms", "min", "h", "v", "mv", "v vs. ref.", "a", "ma", "ah", "mah", "c", "w", "mw", "wh", "mwh"),
+        *("°c", "degc", "deg c", "k", "°f", "degf", "ohm", "mohm", "hz", "%", "#", "bits"),
+    ]
+)
+"""What a row of units holds that has no brackets, folded. Other words may be names."""
 
 
 @dataclass
@@ -49,6 +58,7 @@ class Table:
     separator: str | None  # What parts the cells; None for white space.
     decimal_comma: bool = False  # Whether the numbers are written like ``3,7``.
     place: str = ""  # Where the table stands in its file, for messages: ``"sheet Channel_1-008, "``.
+    notes: tuple[str, ...] = ()  # What was done to make one table of the file.
 
     def first(self, place: int) -> str:
         """The first cell of a column; empty where the row has none."""
@@ -83,7 +93,7 @@ class Table:
             for place, kept in written.items():
                 kept.append(cells[place] if place < len(cells) else "")
             for place, column in columns.items():
-                value = _number(cells[place], self.decimal_comma)
+                value = number_in(cells[place], self.decimal_comma)
                 if value is None:
                     raise self._text(place, wanted[place], number, conditions)
                 column.append(value)
@@ -92,7 +102,9 @@ class Table:
         if conditions and not rows:
             place = conditions[0][0]
             raise no_row(self.source, where, (cells[place] for _, cells in self.cells() if place < len(cells)))
-        notes = [] if short is None else [f"row {short}, the last one, is incomplete and was left out."]
+        notes = list(self.notes)
+        if short is not None:
+            notes.append(f"row {short}, the last one, is incomplete and was left out.")
         if self.decimal_comma:
             notes.append("decimal commas were read as decimal points.")
         values = {place: np.frombuffer(column, dtype=np.float64).copy() for place, column in columns.items()}
@@ -105,7 +117,7 @@ class Table:
             for _, cells in self.cells()
             if len(cells) > place and all(same(cells[k], value) for k, value in conditions)
         ]
-        texts = [cell for cell in chosen if _number(cell, self.decimal_comma) is None]
+        texts = [cell for cell in chosen if number_in(cell, self.decimal_comma) is None]
         return no_number(self.source, f"{self.place}row {row}", column, texts[0], len(texts), len(chosen))
 
 
@@ -114,20 +126,19 @@ def find_table(text: str, source: str) -> Table:
 
     Raises `BsaError` if there is no table, or a header without rows.
     """
-    # `splitlines` would also cut at form feeds and the like, and row numbers would not be those of an editor.
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    lines = lines_of(text)
     said = next(filter(None, map(_SAYS_ITS_LENGTH.search, lines[:_PREAMBLE_LINES])), None)
     begin = 0 if said is None else max(int(said[1]) - 1, 0)
     start = min(len(lines), begin + _PREAMBLE_LINES)
     for separator in _SEPARATORS:
-        top = [_split(line, separator) for line in lines[:start]]
-        first = next((k for k in range(begin, len(top)) if _numeric(top, k)), None)
+        top = [split(line, separator) for line in lines[:start]]
+        first = _first_row(top, begin)
         if first is None:
             continue
         header, units = _header(top, first)
-        comma = any(map(_has_decimal_commas, top[first : first + _ROWS_OF_COMMAS]))
-        return Table(source, header, units, partial(_rows, lines, first, separator, source), separator, comma)
-    heading = next((line for line in lines[:start] if len(_split(line, ",")) > 1 or len(_split(line, ";")) > 1), None)
+        comma = have_decimal_commas(top[first:])
+        return Table(source, header, units, partial(rows_from, lines, first, separator, source), separator, comma)
+    heading = next((line for line in lines[:start] if len(split(line, ",")) > 1 or len(split(line, ";")) > 1), None)
     if heading is not None:
         raise BsaError(
             f'{source} has a heading ("{shown(heading)}") but no rows of numbers.',
@@ -139,7 +150,19 @@ def find_table(text: str, source: str) -> Table:
     )
 
 
-def _split(line: str, separator: str | None) -> list[str]:
+def lines_of(text: str) -> list[str]:
+    """The lines of a text, without the quotation marks around a whole line (older Novonix files have these)."""
+    # `splitlines` would also cut at form feeds and the like, and row numbers would not be those of an editor.
+    return list(map(_unquoted, text.replace("\r\n", "\n").replace("\r", "\n").split("\n")))
+
+
+def _unquoted(line: str) -> str:
+    whole = line[:1] == line[-1:] == '"' and line.count('"') == 2
+    return line[1:-1] if whole else line
+
+
+def split(line: str, separator: str | None) -> list[str]:
+    """The cells of a line."""
     if separator is None:
         return line.split()
     try:
@@ -148,7 +171,7 @@ def _split(line: str, separator: str | None) -> list[str]:
         return []
 
 
-def _is_number(cell: str) -> bool:
+def is_number(cell: str) -> bool:
     """Whether a cell is a number, also with a decimal comma: between commas it is in quotation marks."""
     try:
         float(cell.replace(",", "."))
@@ -157,17 +180,44 @@ def _is_number(cell: str) -> bool:
     return True
 
 
+def have_decimal_commas(rows: Iterable[Sequence[str]]) -> bool:
+    """Whether one of the first rows of numbers has decimal commas."""
+    return any(map(_has_decimal_commas, islice(rows, _ROWS_OF_COMMAS)))
+
+
 def _has_decimal_commas(cells: Sequence[str]) -> bool:
     """Whether a row of numbers has decimal commas; one beside a decimal point parts thousands."""
-    commas = any("," in cell and "." not in cell and _is_number(cell) for cell in cells)
-    return commas and not any("." in cell and _is_number(cell) for cell in cells)
+    commas = any("," in cell and "." not in cell and is_number(cell) for cell in cells)
+    return commas and not any("." in cell and is_number(cell) for cell in cells)
+
+
+def _first_row(top: Sequence[Sequence[str]], begin: int) -> int | None:
+    """The line that begins the numbers; a lone row of numbers is of a preamble where a header with rows follows."""
+    begins = [k for k in range(begin, len(top)) if _numeric(top, k)]
+    if not begins or not _is_of_words(_next(top, begins[0])):
+        return begins[0] if begins else None
+    return next((k for k in begins[1:] if _is_of_names(top[k - 1])), begins[0])
+
+
+def _next(top: Sequence[Sequence[str]], index: int) -> Sequence[str]:
+    return next((cells for cells in top[index + 1 :] if any(cells)), ())
+
+
+def _is_of_words(cells: Sequence[str]) -> bool:
+    """Whether a line has cells, of which none is or may be a number."""
+    return any(cells) and not any(is_number(cell) or cell.casefold() in _MISSING for cell in cells if cell)
+
+
+def _is_of_names(cells: Sequence[str]) -> bool:
+    """Whether a line may be the header of a table with a time, a voltage and a current, or their units."""
+    return _is_of_words(cells) and sum(map(bool, cells)) >= 3
 
 
 def _numeric(top: Sequence[Sequence[str]], index: int) -> bool:
     """Whether the line begins the numbers: two numbers in it, and no fewer cells in the next line."""
 
     def looks(cells: Sequence[str]) -> bool:
-        return len(cells) >= 2 and sum(map(_is_number, cells)) >= 2
+        return len(cells) >= 2 and sum(map(is_number, cells)) >= 2
 
     if not looks(top[index]):
         return False
@@ -177,17 +227,25 @@ def _numeric(top: Sequence[Sequence[str]], index: int) -> bool:
 
 def _header(top: Sequence[Sequence[str]], first: int) -> tuple[tuple[str, ...], tuple[str, ...] | None]:
     above = [cells for cells in top[:first] if len([cell for cell in cells if cell]) >= 2]
-    if above and len(above) >= 2 and _are_units(above[-1]) and len(above[-1]) == len(above[-2]):
+    if len(above) >= 2 and len(above[-1]) == len(above[-2]) and _are_units(above[-1], above[-2]):
         return _named(above[-2]), tuple(above[-1])
     fits = above and abs(len(above[-1]) - len(top[first])) <= 1
-    if fits and not all(map(_is_number, filter(None, above[-1]))):
+    if fits and not all(map(is_number, filter(None, above[-1]))):
         return _named(above[-1]), None
     return tuple(str(k + 1) for k in range(len(top[first]))), None
 
 
-def _are_units(cells: Sequence[str]) -> bool:
+def _are_units(cells: Sequence[str], names: Sequence[str]) -> bool:
+    """Whether a row beneath names holds units: all in brackets, or all known ones of columns with a name."""
     filled = [cell for cell in cells if cell]
-    return bool(filled) and all(cell[0] in "[(" and cell[-1] in "])" for cell in filled)
+    if all(cell[0] in "[(" and cell[-1] in "])" for cell in filled):
+        return bool(filled)
+    named = all(name and not is_number(name) for cell, name in zip(cells, names, strict=True) if cell)
+    return named and not _are_known(names) and _are_known(filled)
+
+
+def _are_known(units: Sequence[str]) -> bool:
+    return all(unit.casefold() in _UNITS for unit in units if unit)
 
 
 def _named(cells: Sequence[str]) -> tuple[str, ...]:
@@ -198,7 +256,8 @@ def _named(cells: Sequence[str]) -> tuple[str, ...]:
     return tuple(kept)
 
 
-def _rows(lines: list[str], first: int, separator: str | None, source: str) -> Iterator[tuple[int, list[str]]]:
+def rows_from(lines: list[str], first: int, separator: str | None, source: str) -> Iterator[tuple[int, list[str]]]:
+    """The number, from 1, and the cells of each line from one on that is not blank."""
     if separator is None:
         for number, line in enumerate(lines[first:], first + 1):
             if line.strip():
@@ -273,7 +332,7 @@ def _refuse_width(table: Table, row: int, word: str) -> None:
     raise BsaError(f"{table.source}: row {row} has {word} cells than the {len(table.header)} columns.", hint)
 
 
-def _number(cell: str, decimal_comma: bool) -> float | None:
+def number_in(cell: str, decimal_comma: bool) -> float | None:
     """A cell as a number, NaN where it says that there is none; None where it is another text."""
     try:
         return float(cell)
