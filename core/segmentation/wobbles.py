@@ -21,7 +21,7 @@ def without_wobbles(signals: RecordSignals, levels: list[Level]) -> list[Level]:
     joined: list[Level] = []
     for sign, found in groupby(levels, key=lambda level: level.sign):
         row = list(found)
-        first, last = _ends_of_constant(signals, row) if sign != 0 else (0, 0)
+        first, last = _ends_of_constant(signals, row) if sign != 0 and len(row) > 1 else (0, 0)
         if first < last and _wobbles(signals, row[first : last + 1]):
             whole = signals.level(row[first].start, row[last].stop, sign)
             whole.kind = StepKind.CC_CHARGE if sign < 0 else StepKind.CC_DISCHARGE

@@ -21,9 +21,10 @@ from .assembly import AnyTable, kelvin, numbers, told_apart_by
 from .columns import NAMES, Column, ambient_in, half_cell, named, signal_of, split_name, unit_of
 from .generic_csv import first_lines, is_text_table
 from .source import load_text
-from .table import Numbers, find_table, no_column
+from .table import Numbers, find_table, no_column, split
 
 _HEAD_LINES = 120
+_SEPARATORS = "[;,\t]"
 _MIN_POINTS = 5
 _MOSTLY = 0.5
 """Share of the first rows without a frequency from which a table with columns of both is a record."""
@@ -86,9 +87,15 @@ class ImpedanceCsv:
 
     def matches(self, path: Path) -> bool:
         """Whether a line near the top names the columns of a spectrum, and those below it are no record's."""
-        lines = [re.split("[;,\t]", line) for line in first_lines(path, _HEAD_LINES)] if is_text_table(path) else []
-        header = next((place for place, cells in enumerate(lines) if holds_spectrum(cells)), None)
-        return header is not None and not _is_of_a_record(lines[header], lines[header + 1 :])
+        lines = first_lines(path, _HEAD_LINES) if is_text_table(path) else []
+        for place, line in enumerate(lines):
+            header = re.split(_SEPARATORS, line)
+            columns = _columns(header, {})
+            if columns is not None:
+                separator = max(_SEPARATORS[1:-1], key=line.count)
+                rows = [split(row, separator) for row in lines[place + 1 :]]
+                return not _is_of_a_record(header, [row[columns.frequency : columns.frequency + 1] for row in rows])
+        return False
 
     def read(self, path: Path, options: ReadOptions) -> ImpedanceSpectrum:
         """Read the spectrum; see `Reader.read`."""
@@ -101,13 +108,15 @@ def holds_spectrum(header: Sequence[str]) -> bool:
     return _columns(header, {}) is not None
 
 
-def _is_of_a_record(header: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
-    """Whether columns of a spectrum beside those of a record are not filled in most rows: the cell is cycled there."""
-    found = _columns(header, {})
-    if found is None or not {"time", "voltage", "current"} <= {signal_of(name) for name in header}:
+def _is_of_a_record(header: Sequence[str], frequencies: Sequence[Sequence[str]]) -> bool:
+    """Whether columns of a spectrum stand beside those of a record, and most rows have no frequency.
+
+    ``frequencies`` is the cell of each row, where it has one.
+    """
+    if not {"time", "voltage", "current"} <= {signal_of(name) for name in header}:
         return False
-    frequencies = numbers([row[found.frequency] for row in rows if len(row) > found.frequency], decimal_comma=False)
-    return bool(np.mean(~(frequencies > 0.0)) > _MOSTLY) if len(frequencies) else False
+    known = numbers([cell for cells in frequencies for cell in cells], decimal_comma=True)
+    return len(known) > 0 and float(np.mean(known > 0.0)) < 1.0 - _MOSTLY
 
 
 def spectrum_of(

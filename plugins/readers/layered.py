@@ -11,18 +11,21 @@ _SEPARATORS = (",", ";", "\t")
 _LAYERS = 3
 """Lines of names: of a cycle, of a step (indented by a cell) and of a record (by two)."""
 
+_HEAD = 20_000
+"""Characters in which these lines end: what is no layered export is not parted into lines for it."""
+
 _CARRIED = ("Cycle Index", "Step Index")
 """Names of the columns with the numbers of the cycle and of the step, in any language of the file."""
 
 
 def layered_table(text: str, source: str) -> Table | None:
     """The records of a layered export, with the numbers of their cycle and step before them; None of another text."""
-    lines = lines_of(text)
-    first = next((k for k, line in enumerate(lines) if line.strip()), 0)
+    top = lines_of(text[:_HEAD])
+    first = next((k for k, line in enumerate(top) if line.strip()), 0)
     for separator in _SEPARATORS:
-        names = [split(line, separator) for line in lines[first : first + _LAYERS]]
+        names = [split(line, separator) for line in top[first : first + _LAYERS]]
         if len(names) == _LAYERS and all(map(_is_layer, names, range(_LAYERS))):
-            return _table(lines, first + _LAYERS, separator, names, source)
+            return _table(lines_of(text), first + _LAYERS, separator, names, source)
     return None
 
 

@@ -193,10 +193,11 @@ def _has_decimal_commas(cells: Sequence[str]) -> bool:
 
 def _first_row(top: Sequence[Sequence[str]], begin: int) -> int | None:
     """The line that begins the numbers; a lone row of numbers is of a preamble where a header with rows follows."""
-    begins = [k for k in range(begin, len(top)) if _numeric(top, k)]
-    if not begins or not _is_of_words(_next(top, begins[0])):
-        return begins[0] if begins else None
-    return next((k for k in begins[1:] if _is_of_names(top[k - 1])), begins[0])
+    begins = (k for k in range(begin, len(top)) if _numeric(top, k))
+    first = next(begins, None)
+    if first is None or not _is_of_words(_next(top, first)):
+        return first
+    return next((k for k in begins if _is_of_names(top[k - 1])), first)
 
 
 def _next(top: Sequence[Sequence[str]], index: int) -> Sequence[str]:

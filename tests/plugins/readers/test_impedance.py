@@ -230,3 +230,13 @@ def test_a_record_with_columns_of_a_spectrum_is_one_where_most_rows_have_no_freq
     path = tmp_path / "cell.txt"
     path.write_text("\n".join(["time/s,Ecell/V,I/mA,freq/Hz,Re(Z)/Ohm,-Im(Z)/Ohm", *rows]))
     assert isinstance(read_file(path), kind)
+
+
+def test_a_spectrum_with_decimal_commas_and_the_columns_of_a_record_is_no_record(tmp_path):
+    rows = (
+        f"{60 * k}\t3,7\t0,25\t{f}\t{z.real}\t{-z.imag}".replace(".", ",")
+        for k, (f, z) in enumerate(zip(FREQUENCY / 1e5, IMPEDANCE, strict=True))
+    )
+    path = tmp_path / "peis.txt"
+    path.write_text("\n".join(["time/s\tEwe/V\tI/mA\tfreq/Hz\tRe(Z)/Ohm\t-Im(Z)/Ohm", *rows]))
+    assert isinstance(read_file(path), ImpedanceSpectrum)
