@@ -1,11 +1,15 @@
 """What a searched parameter acts on, as a type; a name is read in one place, where a person's notation comes in."""
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 INITIAL_SOC = "Initial state of charge"
 """Name of the initial state of charge, of all records together; `soc_name` gives that of one record."""
+
+INITIAL_VOLTAGE = "Initial voltage correction"
+"""Name of the correction of the open-circuit voltage at which records start, without its unit and its place."""
 
 CYCLABLE_LITHIUM = "Cyclable lithium factor"
 """Name of the multiplier on the lithium that both electrodes share."""
@@ -16,7 +20,13 @@ THERMODYNAMIC_FACTOR = "Thermodynamic factor"
 _FACTOR = " factor"
 
 _DIFFUSIVITY_SHAPE = re.compile(r"(Negative|Positive) particle diffusivity factor at stoichiometry (\d*\.?\d+)")
+_INITIAL_VOLTAGE = re.compile(rf"{INITIAL_VOLTAGE}(?: at (\d+\.?\d*) V)? \[V\]")
 _OCP_SHAPE = re.compile(r"(Negative|Positive) electrode OCP correction at stoichiometry (\d*\.?\d+) \[V\]")
+
+
+ALIKE_V = 0.05
+"""Difference of two rest voltages, V, over which a correction of one has largely lost its meaning for the other: a
+twentieth of the charge near the full end of usual cells, where the bumps of the open-circuit potentials are as wide."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +48,16 @@ class InitialSoc:
     """The state of charge at which a record starts, 0 to 1."""
 
     record: str = ""  # Name of the record; empty for all records.
+
+
+@dataclass(frozen=True)
+class InitialVoltage:
+    """Adds to the rest voltage at which records start, V: the simulated cell's open-circuit voltage is their sum.
+
+    What a model's open-circuit curve is off by at one voltage is the same for all records that start there.
+    """
+
+    near: float | None = None  # The rest voltage near which it applies, V (`CellChange.started_at`); None for any.
 
 
 @dataclass(frozen=True)
@@ -87,12 +107,27 @@ class EffectValue:
     parameter: str
 
 
-Target = Value | Factor | InitialSoc | CurrentOffset | CyclableLithium | OcpShape | DiffusivityShape | EffectValue
+Target = (
+    Value
+    | Factor
+    | InitialSoc
+    | InitialVoltage
+    | CurrentOffset
+    | CyclableLithium
+    | OcpShape
+    | DiffusivityShape
+    | EffectValue
+)
 
 
 def soc_name(record: str) -> str:
     """Name of the initial state of charge of one record."""
     return f"{INITIAL_SOC}: {record}"
+
+
+def initial_voltage_name(near: float | None = None) -> str:
+    """Name of the correction of the voltage at which records start, near a rest voltage in V."""
+    return f"{INITIAL_VOLTAGE} [V]" if near is None else f"{INITIAL_VOLTAGE} at {near:.2f} V [V]"
 
 
 def factor_name(name: str) -> str:
@@ -109,7 +144,8 @@ def target_named(name: str, known: Iterable[str] = ()) -> Target:
     """The target that a person's notation means.
 
     ``"NAME"`` is a value, ``"NAME factor"`` a multiplier. Others are ``"Initial state of charge"`` (of one record:
-    ``"Initial state of charge: RECORD"``), ``"Cyclable lithium factor"``, ``"Positive electrode OCP correction at
+    ``"Initial state of charge: RECORD"``), ``"Initial voltage correction at 4.18 V [V]"`` (of all records without
+    ``at 4.18 V``), ``"Cyclable lithium factor"``, ``"Positive electrode OCP correction at
     stoichiometry 0.3 [V]"`` and ``"Positive particle diffusivity factor at stoichiometry 0.9"``. ``known`` are names of
     the parameter set: one of these is a value, whatever it ends with.
     """
@@ -117,6 +153,9 @@ def target_named(name: str, known: Iterable[str] = ()) -> Target:
         return InitialSoc()
     if name.startswith(soc_name("")):
         return InitialSoc(name.removeprefix(soc_name("")))
+    start = _INITIAL_VOLTAGE.fullmatch(name)
+    if start is not None:
+        return InitialVoltage(None if start[1] is None else float(start[1]))
     if name == CYCLABLE_LITHIUM:
         return CyclableLithium()
     shape = _OCP_SHAPE.fullmatch(name)
@@ -148,10 +187,23 @@ class CellChange:
     # What diffusivities are multiplied by near a stoichiometry.
     diffusivity_shape: Mapping[DiffusivityShape, float] = field(default_factory=dict)
     effects: Mapping[str, float] = field(default_factory=dict)  # Parameters of effects, by their full names.
+    # What is added to the rest voltage at which records start, V, by the rest voltage near which it applies.
+    initial_voltage: Mapping[float | None, float] = field(default_factory=dict)
 
     def soc_of(self, record: str) -> float | None:
         """The state of charge at which a record starts; None where nothing is said of it."""
         return self.initial_soc.get(record, self.initial_soc.get(""))
+
+    def started_at(self, rest_v: float) -> float:
+        """The open-circuit voltage at which the cell starts for a record that starts at a rest voltage, V.
+
+        The nearest correction counts, the less the farther off it is (a Gaussian of `ALIKE_V`).
+        """
+        places = [near for near in self.initial_voltage if near is not None]
+        if not places:
+            return rest_v + self.initial_voltage.get(None, 0.0)
+        near = min(places, key=lambda place: abs(place - rest_v))
+        return rest_v + self.initial_voltage[near] * math.exp(-0.5 * ((rest_v - near) / ALIKE_V) ** 2)
 
 
 def change_of(targets: Mapping[str, Target], candidate: Mapping[str, float]) -> CellChange:
@@ -162,6 +214,7 @@ def change_of(targets: Mapping[str, Target], candidate: Mapping[str, float]) -> 
     values: dict[str, float] = {}
     factors: dict[str, float] = {}
     initial_soc: dict[str, float] = {}
+    initial_voltage: dict[float | None, float] = {}
     current_offset: dict[str, float] = {}
     ocp_shape: dict[OcpShape, float] = {}
     diffusivity_shape: dict[DiffusivityShape, float] = {}
@@ -178,6 +231,8 @@ def change_of(targets: Mapping[str, Target], candidate: Mapping[str, float]) -> 
                 factors[base] = value
             case InitialSoc(record):
                 initial_soc[record] = value
+            case InitialVoltage(near):
+                initial_voltage[near] = value
             case CurrentOffset(record):
                 current_offset[record] = value
             case CyclableLithium():
@@ -188,4 +243,14 @@ def change_of(targets: Mapping[str, Target], candidate: Mapping[str, float]) -> 
                 diffusivity_shape[target] = value
             case EffectValue():
                 effects[name] = value
-    return CellChange(values, factors, lithium, initial_soc, current_offset, ocp_shape, diffusivity_shape, effects)
+    return CellChange(
+        values,
+        factors,
+        lithium,
+        initial_soc,
+        current_offset,
+        ocp_shape,
+        diffusivity_shape,
+        effects,
+        initial_voltage,
+    )

@@ -39,7 +39,7 @@ def exported(folder: Path, to: str) -> tuple[str, tuple[str, ...]]:
     soc = change.soc_of(experiment.name)
     started = experiment if soc is None else replace(experiment, initial_soc=soc)
     read_back = replace(cell, parameter_set=parsed(FILES["bpx"], found.text), overrides=widened_cut_offs(cell))
-    difference = difference_on(started, (cell, change), (read_back, type(change)()))
+    difference = difference_on(started, (cell, change), (read_back, CellChange(initial_voltage=change.initial_voltage)))
     if difference is None:
         return found.text, (*found.left_out, "The file's cell could not be simulated on the first record.")
     return found.text, (*found.left_out, difference.words)

@@ -13,7 +13,7 @@ from ...core.errors import BsaError
 from ...core.files import file_error
 from ...core.parameters import Parameter, ParameterSpace
 from ...core.run.journal import FILE_NAME as JOURNAL
-from ...core.target import CellChange, InitialSoc
+from ...core.target import ALIKE_V, CellChange, InitialSoc, InitialVoltage, Target
 from ...core.task import NEAREST, ParameterFile, ParameterSource, Task
 from ..run_record import RunRecord, read_run
 from .influence import simulated_models, with_influence
@@ -119,15 +119,25 @@ def with_its_space(task: Task, run: RunRecord, socs_given: bool = False) -> Task
     A record that the run fitted starts at the state of charge that was found; another one where the fitted cell shows
     the open-circuit voltage at which the record starts, unless its state of charge was given.
     """
-    searched = any(isinstance(parameter.target, InitialSoc) for parameter in run.task.space)
+    searched = any(isinstance(parameter.target, InitialSoc | InitialVoltage) for parameter in run.task.space)
     states = [parameter for parameter in task.space if searched and isinstance(parameter.target, InitialSoc)]
     if not socs_given:
         states = _started_in_the_fitted_cell(states, task, run)
     found = [p for p in run.task.space.continued(run.best.candidate) if not isinstance(p.target, InitialSoc)]
+    corrected = [p.target.near for p in found if isinstance(p.target, InitialVoltage)]
+    states += [p for p in task.space if searched and _is_another_start(p.target, corrected)]
     spectra = [experiment.is_spectrum for experiment in task.experiments]
     models = simulated_models(task.cell, not all(spectra), any(spectra))
     space, notes = with_influence(ParameterSpace((*found, *states)), models, "the earlier run")
     return replace(task, space=space, notes=tuple(dict.fromkeys((*task.notes, *notes))))
+
+
+def _is_another_start(target: Target | None, corrected: Sequence[float | None]) -> bool:
+    """Whether a correction is of a rest voltage near which a run has none."""
+    if not isinstance(target, InitialVoltage):
+        return False
+    near = target.near
+    return not any(one is None or near is None or abs(one - near) <= ALIKE_V for one in corrected)
 
 
 def _started_in_the_fitted_cell(states: Sequence[Parameter], task: Task, run: RunRecord) -> list[Parameter]:

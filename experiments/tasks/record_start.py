@@ -12,10 +12,27 @@ _PROMPT_S, _NEARLY_EMPTY = 10.0, 0.1
 """Latest sample after a current step that shows its resistance, s, and the share of the voltage range at whose bottom
 none does: a minute late, or at the end of a discharge, the same cells show two to ten times as much."""
 
+_SAME_SHARE = 0.1
+"""Share of what the voltage falls from a record's first sample to its second by which the first voltages of two records
+may differ that were both taken before the load: under it they would differ by about as much as the currents do."""
 
-def starts_at_rest(record: Trajectory) -> bool:
-    """Whether a record's first voltage is that of an open circuit."""
-    return record.steps[0].kind is StepKind.REST or not begins_under_load(record)
+
+def starts_at_rest(record: Trajectory, others: Sequence[Trajectory] = ()) -> bool:
+    """Whether a record's first voltage is that of an open circuit, for all that is known of ``others`` of the cell.
+
+    The first sample may have been taken before the current was switched on, although a current stands beside it. Then
+    another record, of another current, begins with the same voltage.
+    """
+    if record.steps[0].kind is StepKind.REST or not begins_under_load(record):
+        return True
+    return any(begins_under_load(other) and _before_load(record, other) for other in others)
+
+
+def _before_load(one: Trajectory, other: Trajectory) -> bool:
+    """Whether the first voltages of two records that begin with a current are alike, and their next ones are not."""
+    falls = [abs(float(record.voltage[1] - record.voltage[0])) for record in (one, other)]
+    unlike = abs(falls[0] - falls[1])
+    return abs(float(one.voltage[0] - other.voltage[0])) < _SAME_SHARE * unlike
 
 
 def open_circuit_start(record: Trajectory, others: Sequence[Trajectory] = ()) -> tuple[float, str]:
@@ -25,7 +42,7 @@ def open_circuit_start(record: Trajectory, others: Sequence[Trajectory] = ()) ->
     steps of ``others`` of the same cell.
     """
     voltage = resting_voltage(record)
-    if starts_at_rest(record):
+    if starts_at_rest(record, others):
         first = next(switches(record), None)
         early = first is not None and first.mixed is not None and first.mixed < record.steps[0].stop
         why = " (its last sample at rest has the voltage under load already)" * early
@@ -52,8 +69,6 @@ def with_room_for(record: Trajectory, soc: float, capacity_ah: float) -> float:
 
     A cell gives no more than it holds, and takes no more than it has room for. Over later cycles the count drifts.
     """
-    if starts_at_rest(record):
-        return soc
     drawn = record.cycle(record.cycles[0]).discharge_capacity / capacity_ah
     lowest, highest = min(float(np.max(drawn)), 1.0), max(1.0 + float(np.min(drawn)), 0.0)
     return float(np.clip(soc, lowest, highest)) if lowest <= highest else soc

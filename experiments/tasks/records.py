@@ -9,24 +9,27 @@ from ...core.ageing.long_record import long_record
 from ...core.cell import CELL, SPECTRUM, TEMPERATURE
 from ...core.errors import BsaError
 from ...core.inference.prediction import begins_under_load
-from ...core.parameters import ParameterSpace
 from ...core.reading.switches import resting_voltage, without_mixed_samples
 from ...core.record import Record
 from ...core.segmentation.recognised_protocol import with_switches
 from ...core.spectrum import ImpedanceSpectrum
-from ...core.target import INITIAL_SOC, InitialSoc, soc_name
+from ...core.target import INITIAL_SOC
 from ...core.task import CellModel, Experiment, Task
 from ...core.trajectory import Trajectory
 from .cell_for_records import ISOTHERMAL, TELLS_K, THERMAL, warms_by
 from .cell_size import other_size_note
+from .initial_states import KnownStart, with_searched_starts
 from .measured_cell import CellRequest, MeasuredCell, measured_cell, searched_space
 from .record_request import RECOGNISED, RecordRequest
-from .record_start import open_circuit_start, with_room_for
+from .record_start import open_circuit_start, starts_at_rest, with_room_for
 from .sensor_offset import from_ambient, initial_temperature_k, start_note
 from .spectra import spectrum_experiment, spectrum_notes
 
 _MANY_CYCLES = 50
 """Cycles from which on a record is more likely meant as a life: each simulation of so many takes minutes."""
+
+_BESIDE_V = 0.01
+"""Voltage over which the slope of an open-circuit curve is taken: wide enough to level the noise of tabulated ones."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,7 @@ class MeasuredExperiments:
     cell: MeasuredCell
     records: list[Record]  # Those over time.
     experiments: list[Experiment]  # One for each of them.
-    socs: list[float]  # States of charge at which these start, as far as they are known.
+    starts: list[KnownStart | None]  # Where each of them starts; None where nothing is known of it.
     spectra: list[RecordRequest]  # Impedance spectra, read.
     held_out: list[RecordRequest]  # What is not fitted, read, with what is forecast of lives.
     notes: list[str]  # What is to be said of records and cell.
@@ -55,7 +58,7 @@ def measured_experiments(
     ambient_k = [_ambient_k(request, record) for request, record in (*zip(records, loaded, strict=True), *later)]
     cell = measured_cell(wanted, records, loaded, ambient_k, [record for _, record in later])
     _check_effects(cell.model, [*asked, *forecast, *held_out])
-    experiments, socs, said = _fitted(records, loaded, cell)
+    experiments, starts, said = _fitted(records, loaded, cell)
     notes = [
         *(
             f"{request.whole_name or record.name}: {note}"
@@ -65,7 +68,7 @@ def measured_experiments(
         *(note for request in spectra for note in spectrum_notes(request, cell.model)),
         *cell.notes,
     ]
-    return MeasuredExperiments(cell, loaded, experiments, socs, spectra, [*forecast, *held_out], notes, said)
+    return MeasuredExperiments(cell, loaded, experiments, starts, spectra, [*forecast, *held_out], notes, said)
 
 
 def build_task(
@@ -89,38 +92,48 @@ def build_task(
     cell, spectra = found.cell.model, found.spectra
     space, left_out = searched_space(wanted, cell, found.records, spectra)
     alone = len(found.experiments) + len(spectra) == 1
-    space = _with_initial_soc(space, found.experiments, found.socs, INITIAL_SOC in wanted.given, alone)
+    space, over_time = with_searched_starts(space, found.experiments, found.starts, INITIAL_SOC in wanted.given, alone)
     by_current = all(experiment.protocol is None for experiment in found.experiments)
     compared = by_current and warms_by(found.records) > 0.0 and cell.options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL
     signals = (*CELL.signals, *[TEMPERATURE] * compared, *(SPECTRUM if spectra else ()))
-    experiments = (*found.experiments, *(spectrum_experiment(request) for request in spectra))
+    experiments = (*over_time, *(spectrum_experiment(request) for request in spectra))
     notes = (*found.notes, *left_out, *found.start_notes)
     return holding_out(Task(name, cell, space, experiments, notes, signals=signals), found.held_out)
 
 
 def _fitted(
     requests: Sequence[RecordRequest], records: Sequence[Record], cell: MeasuredCell
-) -> tuple[list[Experiment], list[float], list[str]]:
-    """The records as experiments, the states of charge that are known, and what is to be said of both."""
-    from ...plugins.pybamm.cells.state_of_charge import soc_at_voltage
-
+) -> tuple[list[Experiment], list[KnownStart | None], list[str]]:
+    """The records as experiments, where they start, and what is to be said of both."""
     experiments: list[Experiment] = []
-    socs: list[float] = []
+    starts: list[KnownStart | None] = []
     notes: list[str] = []
     for request, record in zip(requests, records, strict=True):
-        soc = request.initial_soc
-        if soc is None and request.as_measured:
-            voltage, words = open_circuit_start(record.trajectory, _as_warm(request, record, requests, records))
-            if request.initial_voltage is not None:
-                voltage, words = request.initial_voltage, f"starts at {request.initial_voltage:.3f} V"
-            started = soc_at_voltage(cell.model, voltage, _starting_k(request, record))
-            soc = with_room_for(record.trajectory, started, cell.capacity_ah)
-            notes.append(f"{record.name}: {words}, taken as a state of charge of {soc:.3f}.")
-        if soc is not None:
-            socs.append(soc)
-        experiments.append(_experiment(request, record, soc))
+        start = None if request.initial_soc is None else KnownStart(request.initial_soc)
+        if start is None and request.as_measured:
+            start, words = _shown_start(request, record, _as_warm(request, record, requests, records), cell)
+            notes.append(f"{record.name}: {words}, taken as a state of charge of {start.soc:.3f}.")
+        starts.append(start)
+        experiments.append(_experiment(request, record, None if start is None else start.soc))
         notes += start_note(record.name, record.trajectory, experiments[-1])
-    return experiments, socs, notes
+    return experiments, starts, notes
+
+
+def _shown_start(
+    request: RecordRequest, record: Record, others: Sequence[Trajectory], cell: MeasuredCell
+) -> tuple[KnownStart, str]:
+    """Where a record starts by its first voltage, and how that is known."""
+    from ...plugins.pybamm.cells.state_of_charge import soc_at_voltage
+
+    voltage, words = open_circuit_start(record.trajectory, others)
+    at_rest = starts_at_rest(record.trajectory, others)
+    if request.initial_voltage is not None:
+        voltage, words, at_rest = request.initial_voltage, f"starts at {request.initial_voltage:.3f} V", True
+    around = (voltage - _BESIDE_V, voltage, voltage + _BESIDE_V)
+    low, soc, high = (soc_at_voltage(cell.model, one, _starting_k(request, record)) for one in around)
+    if at_rest:
+        return KnownStart(soc, voltage, max(soc - low, high - soc) / _BESIDE_V), words
+    return KnownStart(with_room_for(record.trajectory, soc, cell.capacity_ah)), words
 
 
 def _as_warm(
@@ -322,26 +335,3 @@ def _as_asked(request: RecordRequest) -> Record:
         return record
     wanted = None if request.detailed_cycles == "auto" else tuple(request.detailed_cycles)
     return replace(record, trajectory=long_record(record.trajectory, wanted))
-
-
-def _with_initial_soc(
-    space: ParameterSpace, experiments: Sequence[Experiment], socs: Sequence[float], given: bool, alone: bool
-) -> ParameterSpace:
-    """The space with every searched state of charge started where its record starts, or where a person said.
-
-    One searched ``Initial state of charge`` becomes one for each record when it is not alone. Spectra have none: each
-    is that of the cell at a known voltage.
-    """
-    if INITIAL_SOC not in space or (experiments and not socs):
-        return space
-    template = space[INITIAL_SOC]
-    starts = [template.initial if given else template.project(soc) for soc in socs]
-    if alone and experiments:
-        started = [replace(template, initial=starts[0])]
-    else:
-        known = [experiment.name for experiment in experiments if experiment.initial_soc is not None]
-        started = [
-            replace(template, name=soc_name(name), initial=start, target=InitialSoc(name))
-            for name, start in zip(known, starts, strict=True)
-        ]
-    return ParameterSpace((*(parameter for parameter in space if parameter is not template), *started))

@@ -8,12 +8,16 @@ from bsa.core.target import (
     EffectValue,
     Factor,
     InitialSoc,
+    InitialVoltage,
     OcpShape,
     Value,
     change_of,
+    initial_voltage_name,
     soc_name,
     target_named,
 )
+from hypothesis import given
+from hypothesis import strategies as st
 
 
 @pytest.mark.parametrize(
@@ -23,6 +27,8 @@ from bsa.core.target import (
         ("Positive electrode OCP [V] factor", Factor("Positive electrode OCP [V]")),
         ("Initial state of charge", InitialSoc()),
         ("Initial state of charge: 1 cell factor", InitialSoc("1 cell factor")),
+        ("Initial voltage correction [V]", InitialVoltage()),
+        ("Initial voltage correction at 4.18 V [V]", InitialVoltage(4.18)),
         ("Cyclable lithium factor", CyclableLithium()),
         ("Thermodynamic factor", Value("Thermodynamic factor")),
         ("Thermodynamic factor factor", Factor("Thermodynamic factor")),
@@ -82,3 +88,23 @@ def test_what_a_parameter_acts_on_survives_the_journal(target):
 def test_a_journal_of_an_earlier_version_names_targets_by_their_parameters():
     earlier = {"name": "D factor", "initial": 1.0, "lower": 0.5, "upper": 2.0, "scale": "log"}
     assert decode_parameter(earlier).target == Factor("D")
+
+
+@given(st.floats(2.0, 4.5), st.floats(-0.1, 0.1))
+def test_a_rest_voltage_is_corrected_by_what_is_known_near_it(rest_v: float, correction: float) -> None:
+    everywhere = CellChange(initial_voltage={None: correction})
+    assert everywhere.started_at(rest_v) == pytest.approx(rest_v + correction)
+    full_and_empty = CellChange(initial_voltage={4.18: correction, 3.2: 0.05})
+    added = full_and_empty.started_at(rest_v) - rest_v
+    nearest = correction if rest_v > 3.69 else 0.05
+    assert abs(added) <= abs(nearest) + 1e-12
+    assert full_and_empty.started_at(4.18) == pytest.approx(4.18 + correction)
+    assert full_and_empty.started_at(3.7) == pytest.approx(3.7, abs=1e-6)  # half a volt away nothing is known
+
+
+def test_a_correction_goes_by_its_name_and_through_the_journal() -> None:
+    name = initial_voltage_name(4.184)
+    parameter = Parameter(name, 0.0, -0.1, 0.1, target=target_named(name))
+    assert parameter.target == InitialVoltage(4.18)
+    assert decode_parameter(encode_parameter(parameter)) == parameter
+    assert change_of({name: InitialVoltage(4.18)}, {name: 0.01}) == CellChange(initial_voltage={4.18: 0.01})

@@ -13,6 +13,7 @@ from ....core.target import (
     DiffusivityShape,
     Factor,
     InitialSoc,
+    InitialVoltage,
     OcpShape,
     Target,
     Value,
@@ -175,7 +176,7 @@ def initial_value(set_name: ParameterSource, name: str, overrides: Mapping[str, 
     target = target_in(set_name, name)
     if isinstance(target, InitialSoc):
         return _START_SOC
-    if isinstance(target, OcpShape):
+    if isinstance(target, OcpShape | InitialVoltage):
         return 0.0
     return float(_load(set_name)[name]) if isinstance(target, Value) else 1.0
 

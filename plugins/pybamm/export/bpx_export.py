@@ -81,7 +81,9 @@ def to_bpx(cell: CellModel, change: CellChange, experiment: Experiment, title: s
     start_of(experiment).set_temperatures(values)
     soc = change.soc_of(experiment.name)
     writer = _Writer(values, change.cyclable_lithium, {*cell.overrides, *change.values, *change.factors})
-    content, left_out = writer.written(cell, experiment.initial_soc if soc is None else soc, experiment.initial_voltage)
+    rest_v = experiment.initial_voltage
+    started_v = None if rest_v is None else change.started_at(rest_v)
+    content, left_out = writer.written(cell, experiment.initial_soc if soc is None else soc, started_v)
     content["Header"]["Title"] = title
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

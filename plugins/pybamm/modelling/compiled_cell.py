@@ -39,7 +39,7 @@ class Start:
 
     record: str = ""  # Name of the record that is simulated: its initial state of charge may be searched.
     soc: float | None = None  # State of charge, 0 to 1; None leaves it to the voltage.
-    voltage: float | None = None  # Open-circuit voltage, V; None keeps the parameter set's initial concentrations.
+    voltage: float | None = None  # Rest voltage, V; None keeps the parameter set's initial concentrations.
     temperature_k: float | None = None  # Ambient temperature, K; None keeps the parameter set's.
     initial_temperature_k: float | None = None  # Of the cell, K; None for the ambient one.
 
@@ -57,7 +57,7 @@ class Start:
         """
         own = change.soc_of(self.record)
         soc = self.soc if own is None else own
-        return soc_at(self.voltage) if soc is None and self.voltage is not None else soc
+        return soc_at(change.started_at(self.voltage)) if soc is None and self.voltage is not None else soc
 
 
 def start_of(experiment: Experiment) -> Start:
@@ -110,6 +110,8 @@ class CompiledCell:
         self._known = baked.effects
         own_soc = baked.soc_of(start.record)
         self._start = start if own_soc is None else replace(start, soc=own_soc)
+        if start.voltage is not None:
+            self._start = replace(self._start, voltage=baked.started_at(start.voltage))
         self._lithium = baked.cyclable_lithium
         augmented = augmented_cell(cell, self._effects)
         self._name = augmented.model

@@ -88,8 +88,8 @@ def _until(
 def _in_words(pauses: Sequence[Pause], record: Trajectory) -> tuple[str, ...]:
     """``"the simulated cell was empty at 3,120 s of 3,600 s"``, once for empty and once for full.
 
-    Where the record passes clearly more charge than until then: ``", after 4.6 A.h; the record draws 12.5 A.h, 2.7
-    times as much"``.
+    Where its step ended before the record did: ``", 12 s before the step ended"``. Where the record passes clearly more
+    charge than until then: ``", after 4.6 A.h; the record draws 12.5 A.h, 2.7 times as much"``.
     """
     words = []
     for what, found in (
@@ -102,10 +102,17 @@ def _in_words(pauses: Sequence[Pause], record: Trajectory) -> tuple[str, ...]:
             more = sum(later.start >= earlier.end for earlier, later in pairwise(found))
             again = f", and {counted(more, 'time')} more" if more else ""
             words.append(
-                f"the simulated cell was {what} at {at:,.0f} s of {record.duration:,.0f} s{again}"
-                f"{_charge_lacking(found[0], record)}"
+                f"the simulated cell was {what} at {at:,.0f} s of {record.duration:,.0f} s"
+                f"{_before_the_end(found[0], record)}{again}{_charge_lacking(found[0], record)}"
             )
     return tuple(words)
+
+
+def _before_the_end(pause: Pause, record: Trajectory) -> str:
+    """How long before the end of its step a cell reached its limit; empty where the record ends with that step."""
+    if pause.end >= float(record.time[-1]) - JUMP_S:
+        return ""
+    return f", {pause.end - pause.start:,.0f} s before the step ended"
 
 
 def _charge_lacking(pause: Pause, record: Trajectory) -> str:

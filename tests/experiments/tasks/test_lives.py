@@ -59,7 +59,8 @@ def test_the_first_cycles_are_fitted_and_the_later_ones_held_out() -> None:
     assert min(later.detailed_cycles) == 31
     # Both begin where the life began, at 3.2 V.
     assert later.initial_voltage == pytest.approx(3.2)
-    assert fitted.initial_soc == pytest.approx(task.space["Initial state of charge"].initial)
+    assert fitted.initial_voltage == pytest.approx(3.2)
+    assert task.space["Initial voltage correction at 3.20 V [V]"].initial == 0.0
     # What is said of the whole life is headed by its name.
     (told,) = [note for note in task.notes if "1 of 40 cycles were cut short" in note]
     assert told.startswith("cell.csv: ")

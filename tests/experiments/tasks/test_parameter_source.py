@@ -78,3 +78,19 @@ def test_what_a_simpler_model_does_not_depend_on_is_left_out_of_an_earlier_runs_
     assert SHAPE in simpler.space
     assert conductivity not in simpler.space
     assert any("not searched: Electrolyte conductivity." in note for note in simpler.notes)
+
+
+def test_a_run_goes_on_with_its_correction_of_the_start_and_another_rest_voltage_gets_its_own() -> None:
+    def task_at(voltage: float) -> Task:
+        return build_task("t", CellRequest("Chen2020", "SPM"), [RecordRequest(at_rest("a", voltage))])
+
+    first = task_at(3.9)
+    correction = "Initial voltage correction at 3.90 V [V]"
+    best = {parameter.name: parameter.initial for parameter in first.space} | {correction: 0.013}
+    trial = Trial(0, "initial", 0, best, SignalMetrics(1.0, {}), None, np.ones(3), Feedback({}), (), 0.0)
+    run = RunRecord("run", first, {}, {}, "", "finished", (trial,), (), ())
+    again = with_its_space(task_at(3.91), run)
+    assert again.space[correction].initial == 0.013
+    assert "Initial voltage correction at 3.91 V [V]" not in again.space
+    elsewhere = with_its_space(task_at(3.5), run).space
+    assert elsewhere["Initial voltage correction at 3.50 V [V]"].initial == 0.0

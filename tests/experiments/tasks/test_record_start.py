@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from bsa.core.trajectory import Step, StepKind, Trajectory
-from bsa.experiments.tasks.record_start import jump_resistances, open_circuit_start, with_room_for
+from bsa.experiments.tasks.record_start import jump_resistances, open_circuit_start, starts_at_rest, with_room_for
 
 
 def test_a_resistance_is_read_off_prompt_jumps_away_from_the_empty_end() -> None:
@@ -38,8 +38,22 @@ def test_a_discharge_that_begins_under_load_starts_with_the_charge_that_it_gives
     assert with_room_for(record, 0.6, capacity_ah=1.9) == 1.0
     charge = record.changed(current=-current)
     assert with_room_for(charge, 0.6, capacity_ah=2.5) == pytest.approx(0.2)
-    rested = record.changed(current=np.r_[0.0, current[1:]])
-    assert with_room_for(rested, 0.6, capacity_ah=2.5) == 0.6
+
+
+def test_a_first_sample_from_before_the_load_is_told_by_a_record_of_another_current() -> None:
+    time = np.array([0.0, 1.0, 2.0, 3600.0])
+    steps = (Step(StepKind.CC_DISCHARGE, 0, 4),)
+    slow = Trajectory(time, np.full(4, 0.5), np.array([4.1810, 4.1700, 4.1690, 3.0]), None, steps)
+    fast = Trajectory(time, np.full(4, 2.0), np.array([4.1811, 4.1350, 4.1310, 3.0]), None, steps)
+    assert not starts_at_rest(slow)
+    assert starts_at_rest(slow, [fast])
+    assert starts_at_rest(fast, [slow])
+    assert open_circuit_start(fast, [slow]) == (4.1811, "starts at 4.181 V")
+    # First samples under load differ by as much as the currents do.
+    loaded = fast.changed(voltage=np.array([4.1350, 4.1310, 4.1290, 3.0]))
+    assert not starts_at_rest(loaded, [slow])
+    # Two records of one current begin alike, whenever their first samples were taken.
+    assert not starts_at_rest(loaded, [loaded.changed(voltage=loaded.voltage + 1e-3)])
 
 
 def test_what_is_assumed_of_a_voltage_under_load_is_told_as_an_assumption() -> None:

@@ -292,7 +292,8 @@ def test_charge_that_drifts_over_cycles_does_not_make_a_larger_cell() -> None:
 @pytest.mark.slow
 def test_a_cold_record_starts_where_the_cold_cell_shows_its_first_voltage() -> None:
     cold = replace(record(), ambient_k=273.15)
-    task = build_task("t", CellRequest("Mohtat2020", "SPM"), [RecordRequest(cold)])
+    search = {SOC: {"lower": 0.0, "upper": 1.0}}
+    task = build_task("t", CellRequest("Mohtat2020", "SPM", search=search), [RecordRequest(cold)])
     start = task.experiments[0].initial_soc
     values = load("Mohtat2020", task.cell.overrides)
     values.update({"Initial temperature [K]": 273.15})

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from bsa.core.errors import BsaError
 from bsa.core.simulation import ExperimentRun
-from bsa.core.target import CellChange, change_of, target_named
+from bsa.core.target import CellChange, InitialVoltage, change_of, target_named
 from bsa.core.task import CellModel, Experiment
 from bsa.core.trajectory import StepKind, Trajectory
 from bsa.plugins.effects.catalogue import EFFECTS
@@ -171,6 +171,17 @@ def test_a_start_by_voltage_is_where_the_cell_with_its_effects_shows_it(electrod
     run = solve_reference(cell, experiment, shape)
     assert run.trajectory is not None
     assert run.trajectory.voltage[0] == pytest.approx(3.8, abs=1e-4)
+
+
+def test_a_cell_starts_where_it_has_the_rest_voltage_as_a_candidate_corrects_it() -> None:
+    nothing = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
+    experiment = Experiment("rest", nothing, (("Rest for 1 minute",),), initial_voltage=3.8)
+    name = "Initial voltage correction at 3.80 V [V]"
+    compiled = CompiledExperiment(CellModel("Chen2020", "SPM"), experiment, {name: InitialVoltage(3.8)})
+    baked = solve_reference(CellModel("Chen2020", "SPM"), experiment, CellChange(initial_voltage={3.8: 0.02}))
+    for run in (compiled.solve({name: 0.02}), baked):
+        assert run.trajectory is not None
+        assert run.trajectory.voltage[0] == pytest.approx(3.82, abs=1e-4)
 
 
 @pytest.mark.parametrize("strength", ["null", "probe"])
