@@ -51,6 +51,7 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "knees": real_cells.by_weight,
     "nearest-potentials": real_cells.by_potentials,
     "nearest-set": real_cells.by_start,
+    "starts": real_cells.by_initial_state,
     "pulse-tests": real_cells.by_rests,
     "paper-cells": real_cells.as_in_the_paper,
     "impedance": real_cells.with_spectra,

@@ -24,11 +24,6 @@ def fitted_and_held_out(results: Results) -> str:
 
 def by_weight(results: Results) -> str:
     """Voltage errors of the same fits, by whether a knee counts by all of its error."""
-    usual = {(row["cell"], row["record"]): row for row in results.rows("real_cells")}
-    rows = []
-    for row in results.rows("knees"):
-        known = usual[row["cell"], row["record"]]
-        rows.append({**row, "usual_mv": known["rms_mv"], "usual_99_mv": known["rms_99_mv"]})
     columns = {
         "cell": "{cell}",
         "record": "{record}",
@@ -38,7 +33,7 @@ def by_weight(results: Results) -> str:
         "over 99 % of the time by default / mV": "{usual_99_mv:brief}",
         "with knee / mV": "{rms_99_mv:brief}",
     }
-    return results.framed("knees", table_of(rows, columns, 3))
+    return results.framed("knees", table_of(results.rows("knees"), columns, 3))
 
 
 def by_potentials(results: Results) -> str:
@@ -69,6 +64,20 @@ def by_start(results: Results) -> str:
         "simulations": "{simulations:.0f}",
     }
     return results.framed("nearest_set", table_of(results.rows("nearest_set"), columns, 3))
+
+
+def by_initial_state(results: Results) -> str:
+    """Voltage errors of the same fits, by whether records have a state of charge each or share a rest voltage."""
+    columns = {
+        "cell": "{cell}",
+        "record": "{record}",
+        "": "{role}",
+        "rms with own states / mV": "{own_mv:brief}",
+        "rms with shared corrections / mV": "{shared_mv:brief}",
+        "over 99 % of the time with own states / mV": "{own_99_mv:brief}",
+        "with shared corrections / mV": "{shared_99_mv:brief}",
+    }
+    return results.framed("starts", table_of(results.rows("starts"), columns, 3))
 
 
 def by_rests(results: Results) -> str:
