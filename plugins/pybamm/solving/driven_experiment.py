@@ -88,8 +88,8 @@ def _until(
 def _in_words(pauses: Sequence[Pause], record: Trajectory) -> tuple[str, ...]:
     """``"the simulated cell was empty at 3,120 s of 3,600 s"``, once for empty and once for full.
 
-    Where its step ended before the record did: ``", 12 s before the step ended"``. Where the record passes clearly more
-    charge than until then: ``", after 4.6 A.h; the record draws 12.5 A.h, 2.7 times as much"``.
+    Where the record passes clearly more charge than until then: ``", after 4.6 A.h; the record draws 12.5 A.h, 2.7
+    times as much"``. Elsewhere, if the step ended before the record did: ``", 12 s before the step ended"``.
     """
     words = []
     for what, found in (
@@ -101,9 +101,10 @@ def _in_words(pauses: Sequence[Pause], record: Trajectory) -> tuple[str, ...]:
             # One that could not be simulated on stays where it was: that is no further time.
             more = sum(later.start >= earlier.end for earlier, later in pairwise(found))
             again = f", and {counted(more, 'time')} more" if more else ""
+            lacking = _charge_lacking(found[0], record)
+            early = "" if lacking else _before_the_end(found[0], record)
             words.append(
-                f"the simulated cell was {what} at {at:,.0f} s of {record.duration:,.0f} s"
-                f"{_before_the_end(found[0], record)}{again}{_charge_lacking(found[0], record)}"
+                f"the simulated cell was {what} at {at:,.0f} s of {record.duration:,.0f} s{early}{again}{lacking}"
             )
     return tuple(words)
 

@@ -210,7 +210,7 @@ def test_the_words_of_a_limit_count_further_times_and_name_a_clear_lack_of_charg
     goes_on = replace(late, start=3550.0, end=np.inf)
     assert _in_words((late, goes_on), record) == _in_words((late,), record)
     (early,) = _in_words((Pause(1800.0, 3600.0, True),), record)
-    assert early.endswith("1,800 s before the step ended, after 2.5 A.h; the record draws 5.01 A.h, 2 times as much")
+    assert early.endswith("at 1,800 s of 4,200 s, after 2.5 A.h; the record draws 5.01 A.h, 2 times as much")
 
 
 @pytest.mark.slow
