@@ -36,10 +36,9 @@ def exported(folder: Path, to: str) -> tuple[str, tuple[str, ...]]:
         left_out = [f"A parameter set holds no effect; the fit had {', '.join(cell.effects)}."] * bool(cell.effects)
         return as_json(labelled(changed_values(cell, change), cell)), tuple(left_out)
     found = to_bpx(cell, change, experiment, run.task.name)
-    soc = change.soc_of(experiment.name)
-    started = experiment if soc is None else replace(experiment, initial_soc=soc)
     read_back = replace(cell, parameter_set=parsed(FILES["bpx"], found.text), overrides=widened_cut_offs(cell))
-    difference = difference_on(started, (cell, change), (read_back, CellChange(initial_voltage=change.initial_voltage)))
+    start = CellChange(initial_soc=change.initial_soc, initial_voltage=change.initial_voltage)
+    difference = difference_on(experiment, (cell, change), (read_back, start))
     if difference is None:
         return found.text, (*found.left_out, "The file's cell could not be simulated on the first record.")
     return found.text, (*found.left_out, difference.words)

@@ -79,7 +79,7 @@ def _from_start(record: Record, values: Any, soc: float | None) -> list[_Charge]
 
 def starting_soc(cell: CellModel, request: RecordRequest, record: Record, ambient_k: float | None) -> float | None:
     """The state of charge at which a record starts, None where neither a person nor its first voltage tells."""
-    from ...plugins.pybamm.cells.state_of_charge import soc_at_voltage
+    from ...plugins.pybamm.cells.state_of_charge import socs_at_voltages
 
     if request.initial_soc is not None or not request.as_measured:
         return request.initial_soc
@@ -88,7 +88,8 @@ def starting_soc(cell: CellModel, request: RecordRequest, record: Record, ambien
         if not starts_at_rest(record.trajectory):
             return None
         voltage, _ = open_circuit_start(record.trajectory)
-    low, soc, high = (soc_at_voltage(cell, voltage + d, ambient_k) for d in (-NEAR_POTENTIALS_V, 0, NEAR_POTENTIALS_V))
+    around = (voltage - NEAR_POTENTIALS_V, voltage, voltage + NEAR_POTENTIALS_V)
+    low, soc, high = socs_at_voltages(cell, around, ambient_k)
     return soc if high - low <= _KNOWN_SOC else None
 
 

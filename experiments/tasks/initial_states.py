@@ -33,9 +33,8 @@ def with_searched_starts(
     and with a state of charge each, a fit would make up for wrong losses of its fast records by more or less charge.
     A correction for one rest voltage that a person names stays as it is. On a flat open-circuit curve (LFP), where the
     prior of the correction leaves more of the state of charge open than the prior of the state of charge does, a record
-    has the latter.
-    One searched ``Initial state of charge`` becomes one for each other record when it is not alone. Spectra have
-    neither: each is that of the cell at a known voltage.
+    has the latter. One searched ``Initial state of charge`` becomes one for each such record, and for each that begins
+    under load, when it is not alone. Spectra have neither: each is that of the cell at a known voltage.
 
     Parameters
     ----------

@@ -64,11 +64,13 @@ def open_circuit_start(record: Trajectory, others: Sequence[Trajectory] = ()) ->
     )
 
 
-def with_room_for(record: Trajectory, soc: float, capacity_ah: float) -> float:
+def with_room_for(record: Trajectory, soc: float, capacity_ah: float, others: Sequence[Trajectory] = ()) -> float:
     """The state of charge nearest to ``soc`` from which a record that begins under load can be passed at all.
 
     A cell gives no more than it holds, and takes no more than it has room for. Over later cycles the count drifts.
     """
+    if starts_at_rest(record, others):
+        return soc
     drawn = record.cycle(record.cycles[0]).discharge_capacity / capacity_ah
     lowest, highest = min(float(np.max(drawn)), 1.0), max(1.0 + float(np.min(drawn)), 0.0)
     return float(np.clip(soc, lowest, highest)) if lowest <= highest else soc

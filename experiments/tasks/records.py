@@ -123,17 +123,17 @@ def _shown_start(
     request: RecordRequest, record: Record, others: Sequence[Trajectory], cell: MeasuredCell
 ) -> tuple[KnownStart, str]:
     """Where a record starts by its first voltage, and how that is known."""
-    from ...plugins.pybamm.cells.state_of_charge import soc_at_voltage
+    from ...plugins.pybamm.cells.state_of_charge import socs_at_voltages
 
     voltage, words = open_circuit_start(record.trajectory, others)
     at_rest = starts_at_rest(record.trajectory, others)
     if request.initial_voltage is not None:
         voltage, words, at_rest = request.initial_voltage, f"starts at {request.initial_voltage:.3f} V", True
     around = (voltage - _BESIDE_V, voltage, voltage + _BESIDE_V)
-    low, soc, high = (soc_at_voltage(cell.model, one, _starting_k(request, record)) for one in around)
-    if at_rest:
-        return KnownStart(soc, voltage, max(soc - low, high - soc) / _BESIDE_V), words
-    return KnownStart(with_room_for(record.trajectory, soc, cell.capacity_ah)), words
+    low, soc, high = socs_at_voltages(cell.model, around, _starting_k(request, record))
+    slope = max(soc - low, high - soc) / _BESIDE_V
+    soc = with_room_for(record.trajectory, soc, cell.capacity_ah, others)
+    return KnownStart(soc, voltage if at_rest else None, slope), words
 
 
 def _as_warm(

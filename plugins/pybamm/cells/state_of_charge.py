@@ -1,6 +1,6 @@
 """Where on its open-circuit curve a cell starts, and how much charge lies between its cut-offs."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,10 +19,16 @@ def soc_at_voltage(cell: CellModel, voltage: float, temperature_k: float | None 
     That of `InitialState`, from which simulations start; only the cell's parameter values matter. The voltage is that
     at a temperature, left out at the set's initial one.
     """
+    return socs_at_voltages(cell, [voltage], temperature_k)[0]
+
+
+def socs_at_voltages(cell: CellModel, voltages: Sequence[float], temperature_k: float | None = None) -> list[float]:
+    """`soc_at_voltage` of several voltages."""
     values = load(cell.parameter_set, cell.overrides)
     if temperature_k is not None:
         values.update({"Initial temperature [K]": temperature_k})
-    return min(max(InitialState(values).soc_at(voltage), 0.0), 1.0)
+    state = InitialState(values)
+    return [min(max(state.soc_at(voltage), 0.0), 1.0) for voltage in voltages]
 
 
 def equilibrium_capacity_ah(parameter_set: ParameterSource, overrides: Mapping[str, float]) -> float:

@@ -21,7 +21,7 @@ from ..cells.nameplate import labelled
 from ..cells.ocp_shape import GRID
 from ..cells.parameter_sets import arguments_of, bake, load, pybamm
 from ..cells.state_of_charge import InitialState, initial_concentration, maximum_concentration
-from ..modelling.compiled_cell import start_of
+from ..modelling.compiled_cell import Start, start_of
 
 VERSION = "1.1.0"
 
@@ -78,12 +78,10 @@ def to_bpx(cell: CellModel, change: CellChange, experiment: Experiment, title: s
     values = load(cell.parameter_set, cell.overrides)
     bake(values, change)
     labelled(values, cell)
-    start_of(experiment).set_temperatures(values)
-    soc = change.soc_of(experiment.name)
+    start = start_of(experiment)
+    start.set_temperatures(values)
     writer = _Writer(values, change.cyclable_lithium, {*cell.overrides, *change.values, *change.factors})
-    rest_v = experiment.initial_voltage
-    started_v = None if rest_v is None else change.started_at(rest_v)
-    content, left_out = writer.written(cell, experiment.initial_soc if soc is None else soc, started_v)
+    content, left_out = writer.written(cell, start.moved(change))
     content["Header"]["Title"] = title
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -110,9 +108,7 @@ class _Writer:
         self._salt = self._number("Initial concentration in electrolyte [mol.m-3]")
         self._left_out: list[str] = []
 
-    def written(
-        self, cell: CellModel, soc: float | None, voltage: float | None
-    ) -> tuple[dict[str, Any], tuple[str, ...]]:
+    def written(self, cell: CellModel, start: Start) -> tuple[dict[str, Any], tuple[str, ...]]:
         """The file, and what it cannot say.
 
         A cell starts at a state of charge, else at an open-circuit voltage (V), else as its set does.
@@ -120,8 +116,7 @@ class _Writer:
         state = InitialState(self._values)
         lithium = CellChange(cyclable_lithium=self._lithium)
         empty, full = (state.concentrations(lithium, at) for at in (0.0, 1.0))
-        if soc is None and voltage is not None:
-            soc = state.soc_at(voltage, lithium)
+        soc = start.soc_of(CellChange(), lambda voltage: state.soc_at(voltage, lithium))
         if soc is None:
             name = initial_concentration("Negative")
             own = state.concentrations(lithium, None)[name]

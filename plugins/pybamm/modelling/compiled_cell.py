@@ -1,5 +1,7 @@
 """A cell model whose searched parameters are inputs: one compilation serves every candidate."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -55,9 +57,14 @@ class Start:
 
         ``soc_at`` gives that at a voltage, see `InitialState.soc_at`.
         """
-        own = change.soc_of(self.record)
-        soc = self.soc if own is None else own
-        return soc_at(change.started_at(self.voltage)) if soc is None and self.voltage is not None else soc
+        start = self.moved(change)
+        return soc_at(start.voltage) if start.soc is None and start.voltage is not None else start.soc
+
+    def moved(self, change: CellChange) -> Start:
+        """Where a changed cell starts: at the state of charge, or the corrected rest voltage, that the change says."""
+        soc = change.soc_of(self.record)
+        voltage = None if self.voltage is None else change.started_at(self.voltage)
+        return replace(self, soc=self.soc if soc is None else soc, voltage=voltage)
 
 
 def start_of(experiment: Experiment) -> Start:
@@ -108,10 +115,7 @@ class CompiledCell:
         baked = baked or CellChange()
         self._targets, self._effects, self._resolution = dict(targets), (*effects_in(cell), *effects), resolution
         self._known = baked.effects
-        own_soc = baked.soc_of(start.record)
-        self._start = start if own_soc is None else replace(start, soc=own_soc)
-        if start.voltage is not None:
-            self._start = replace(self._start, voltage=baked.started_at(start.voltage))
+        self._start = start.moved(baked)
         self._lithium = baked.cyclable_lithium
         augmented = augmented_cell(cell, self._effects)
         self._name = augmented.model

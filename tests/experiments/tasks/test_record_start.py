@@ -38,6 +38,8 @@ def test_a_discharge_that_begins_under_load_starts_with_the_charge_that_it_gives
     assert with_room_for(record, 0.6, capacity_ah=1.9) == 1.0
     charge = record.changed(current=-current)
     assert with_room_for(charge, 0.6, capacity_ah=2.5) == pytest.approx(0.2)
+    rested = record.changed(current=np.r_[0.0, current[1:]])
+    assert with_room_for(rested, 0.6, capacity_ah=2.5) == 0.6
 
 
 def test_a_first_sample_from_before_the_load_is_told_by_a_record_of_another_current() -> None:
