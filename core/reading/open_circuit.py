@@ -49,6 +49,7 @@ class OpenCircuitCurve:
     polarised: int  # 1 or -1 where the voltage is that of discharges or of charges alone, otherwise 0.
     # By how much the charge lies above the discharge at the same charge, median, V; NaN where one was not measured.
     gap_v: float
+    hours: float  # What the faster of its charges and discharges took, h; infinite for rests.
     words: str  # What it was read from: ``"the slow record"``.
 
 
@@ -134,8 +135,9 @@ def _steady_curve(record: Trajectory, least_hours: float) -> OpenCircuitCurve | 
     polarised = 0 if len(curves) > 1 else 1 if StepKind.CC_DISCHARGE in measured else -1
     voltage = _halfway(at, *curves) if len(curves) > 1 else curves[0]
     gap_v = float(np.nanmedian(np.abs(curves[1] - curves[0]))) if len(curves) > 1 else np.nan
-    words = _steady_words(min(hours for *_, hours in measured.values()))
-    return OpenCircuitCurve((at - first) / (last - first), voltage, last - first, polarised, gap_v, words)
+    hours = min(hours for *_, hours in measured.values())
+    share = (at - first) / (last - first)
+    return OpenCircuitCurve(share, voltage, last - first, polarised, gap_v, hours, _steady_words(hours))
 
 
 def _steady_words(hours: float) -> str:
@@ -182,7 +184,7 @@ def _rested_curve(record: Trajectory) -> OpenCircuitCurve | None:
         return None
     charge, words = record.discharge_capacity[places], f"the voltages at the end of {len(places)} rests"
     span = float(np.ptp(charge))
-    return OpenCircuitCurve((charge - charge[0]) / span, record.voltage[places], span, 0, np.nan, words)
+    return OpenCircuitCurve((charge - charge[0]) / span, record.voltage[places], span, 0, np.nan, np.inf, words)
 
 
 def _ends_of_rests(record: Trajectory) -> Iterator[int]:

@@ -22,9 +22,15 @@ from ..cells.state_of_charge import initial_concentration, maximum_concentration
 _STARTS = ((0.9, 0.03, 0.27, 0.9), (0.85, 0.02, 0.2, 0.95), (0.75, 0.01, 0.4, 0.98))
 """Stoichiometries of a full and an empty cell from which a fit starts: negative, then positive electrode."""
 
-_LOWEST, _HIGHEST = (0.4, 5e-4, 5e-4, 0.5, 0.0), (0.9995, 0.3, 0.6, 0.9995, 0.3)
-"""Their bounds, and those of the polarisation, V: a cell uses most of both electrodes between its cut-offs, and what is
-farther from a published curve than a tired cell's losses at 1C is another material."""
+_LOWEST, _HIGHEST = (0.4, 5e-4, 5e-4, 0.5), (0.9995, 0.3, 0.6, 0.9995)
+"""Their bounds: a cell uses most of both electrodes between its cut-offs."""
+
+_LOSSES_V = 0.3
+"""Polarisation of a record of an hour at most, V, a tired cell's; of a slower one it is less in proportion to the
+current, as losses are or nearly so. A discharge at C/20 does not tell polarisation from potentials that are higher by
+as much at all charges: with 0.3 V allowed the NMC pouch cell got potentials of another NMC at 163 mV, and electrodes a
+tenth too large. Half and twice the value choose the same potentials for it, and for the Enertech cell.
+"""
 
 _EVALUATIONS = 100
 """Steps of such a fit at most: a pair that describes the cell needs twenty."""
@@ -122,14 +128,18 @@ def _balanced(curve: OpenCircuitCurve, pair: Mapping[str, FloatArray]) -> tuple[
         open_circuit = np.interp(y, GRID, pair["Positive"]) - np.interp(x, GRID, pair["Negative"])
         return np.asarray(open_circuit - curve.polarised * at[4] - curve.voltage)
 
-    fits = [
-        least_squares(misfit, (*start, _POLARISATION_V), bounds=(_LOWEST, _HIGHEST), max_nfev=_EVALUATIONS)
-        for start in _STARTS
-    ]
+    lowest, highest = (*_LOWEST, 0.0), (*_HIGHEST, _losses_v(curve) if curve.polarised else _LOSSES_V)
+    starts = [(*start, min(_POLARISATION_V, 0.5 * highest[-1])) for start in _STARTS]
+    fits = [least_squares(misfit, start, bounds=(lowest, highest), max_nfev=_EVALUATIONS) for start in starts]
     best = min(fits, key=lambda fit: float(fit.cost))
     full_n, empty_n, full_p, empty_p, _ = (float(value) for value in best.x)
     rms_v = float(np.sqrt(np.mean(best.fun**2)))
     return rms_v, {"Negative": (full_n, empty_n), "Positive": (full_p, empty_p)}
+
+
+def _losses_v(curve: OpenCircuitCurve) -> float:
+    """By how much a charge or discharge may be off the open-circuit voltage, V."""
+    return _LOSSES_V / max(curve.hours, 1.0)
 
 
 def misfit_of(base: ParameterSource, curve: OpenCircuitCurve) -> float | None:

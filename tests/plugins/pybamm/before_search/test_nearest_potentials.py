@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bsa.core.errors import BsaError
@@ -53,6 +55,19 @@ def test_the_potentials_of_the_set_that_made_the_record_are_nearest() -> None:
     own = misfit_of("Chen2020", record)
     assert own is not None
     assert own > 0.015
+
+
+@pytest.mark.slow
+def test_a_slow_discharge_is_not_taken_for_that_of_a_strongly_polarised_cell() -> None:
+    """What lies 0.15 V lower at C/20 has other potentials: with the same ones the electrodes would be too large."""
+    record = open_circuit_curve([slow("Ecker2015", 0.15)])
+    assert record is not None
+    own = misfit_of("Ecker2015", record)
+    assert own is not None
+    assert own > 0.01
+    faster = misfit_of("Ecker2015", replace(record, hours=1.0))
+    assert faster is not None
+    assert faster < 1e-3
 
 
 def test_halfway_between_charge_and_discharge_is_the_open_circuit() -> None:
