@@ -107,7 +107,7 @@ def with_thermal_model(
                 f"{fast}cells warm at such currents, but {parameter_set} does not say how its cell is cooled. The "
                 "model stays isothermal (--options thermal=lumped simulates the temperature)."
             ]
-        why = f"{fast}the model is thermal (lumped), with the cooling of the parameter set"
+        why = f"{fast}the model is thermal (lumped); its cooling starts from that of the parameter set"
     else:
         return options, []
     return {**options, THERMAL: "lumped"}, [f"{why} (--options thermal=isothermal keeps it constant)."]
@@ -266,7 +266,7 @@ def with_chosen_potentials(
             "of another chemistry (sodium, lithium titanate) needs a parameter file of its own (--parameters FILE)."
         )
     others = "; ".join(f"{other}: {1e3 * other.rms_v:.1f} mV" for other in found[1:4])
-    chosen, notes = with_potentials(base, taken), [said + f" The next: {others}." * bool(others)]
+    chosen, notes = with_potentials(base, taken), [said + f" The next likeliest: {others}." * bool(others)]
     if parameter_set != NEAREST:
         return chosen, notes
     # The set was chosen for its potentials: the cell's rates are those of any other set as likely.

@@ -22,21 +22,27 @@ from ..cells.state_of_charge import initial_concentration, maximum_concentration
 _STARTS = ((0.9, 0.03, 0.27, 0.9), (0.85, 0.02, 0.2, 0.95), (0.75, 0.01, 0.4, 0.98))
 """Stoichiometries of a full and an empty cell from which a fit starts: negative, then positive electrode."""
 
-_LOWEST, _HIGHEST = (0.4, 5e-4, 5e-4, 0.5), (0.9995, 0.3, 0.6, 0.9995)
-"""Their bounds: a cell uses most of both electrodes between its cut-offs."""
+_LOWEST, _HIGHEST = (0.4, 5e-4, 5e-4, 0.5, 0.0), (0.9995, 0.3, 0.6, 0.9995, 0.3)
+"""Their bounds, and those of the polarisation, V: a cell uses most of both electrodes between its cut-offs, and what is
+farther from a published curve than a tired cell's losses at 1C is another material."""
 
-_LOSSES_V = 0.3
-"""Polarisation of a record of an hour at most, V, a tired cell's; of a slower one it is less in proportion to the
-current, as losses are or nearly so. A discharge at C/20 does not tell polarisation from potentials that are higher by
-as much at all charges: with 0.3 V allowed the NMC pouch cell got potentials of another NMC at 163 mV, and electrodes a
-tenth too large. Half and twice the value choose the same potentials for it, and for the Enertech cell.
+_LOSS_V, _LOSS_DEVIATION_V, _HYSTERESIS_V = 0.1, 0.07, 0.01
+"""Polarisation of a charge or discharge of an hour and its standard deviation, V, in proportion to the current at other
+rates; and what the hysteresis of the potentials adds to the deviation at any rate.
+
+One discharge does not tell polarisation from potentials that are higher by as much at all charges. With nothing known
+of it the NMC pouch cell got 163 mV at C/20, potentials of another NMC, and electrodes a tenth too large; and other ones
+at C/2 and 1C. Now all three records choose the potentials of Mohtat2020's positive electrode, as they do with half the
+mean and with half the deviation. With twice the mean two of them choose Ecker2015's, with twice the deviation one does.
+The choices for the Panasonic cell and the LG M50 stay in all of these.
 """
+
+_MISFIT_V, _PIECES = 0.01, 10
+"""What potentials of a cell's own chemistry leave, V, and parts of a curve in which this is independent: so much does
+the curve tell of the polarisation."""
 
 _EVALUATIONS = 100
 """Steps of such a fit at most: a pair that describes the cell needs twenty."""
-
-_POLARISATION_V = 0.01
-"""Half the distance of a charge from a discharge, to start with."""
 
 _NO_LITHIUM = ("Chayambuka2022",)
 """Installed sets of sodium-ion cells: PyBaMM's sets do not say it."""
@@ -53,6 +59,7 @@ class Potentials:
     negative: str
     positive: str
     rms_v: float  # What they leave of the measured curve, V.
+    cost: float  # Squared deviations of that and of the polarisation: the less, the likelier.
     # Of each electrode, at the fullest and at the emptiest point of that record.
     stoichiometry: Mapping[str, tuple[float, float]]
 
@@ -96,7 +103,7 @@ def chosen_potentials(
     for negative, positive in product(*chosen):
         pair = {"Negative": known["Negative"][negative], "Positive": known["Positive"][positive]}
         found.append(Potentials(negative, positive, *_balanced(curve, pair)))
-    return sorted(found, key=lambda potentials: potentials.rms_v)
+    return sorted(found, key=lambda potentials: potentials.cost)
 
 
 @cache
@@ -120,26 +127,27 @@ def distinct(curves: Mapping[str, FloatArray]) -> list[str]:
     return names
 
 
-def _balanced(curve: OpenCircuitCurve, pair: Mapping[str, FloatArray]) -> tuple[float, dict[str, tuple[float, float]]]:
-    """Root mean square misfit, V, and stoichiometries at which two potentials describe the curve best."""
+def _balanced(
+    curve: OpenCircuitCurve, pair: Mapping[str, FloatArray]
+) -> tuple[float, float, dict[str, tuple[float, float]]]:
+    """Misfit, V (rms), cost, and stoichiometries at which two potentials describe the curve best."""
+    usual_v = _LOSS_V / max(curve.hours, 1.0)
+    deviation_v = math.hypot(_LOSS_DEVIATION_V / max(curve.hours, 1.0), _HYSTERESIS_V)
+    unit = _MISFIT_V * math.sqrt(len(curve.share) / _PIECES)
 
     def misfit(at: FloatArray) -> FloatArray:
         x, y = at[0] + (at[1] - at[0]) * curve.share, at[2] + (at[3] - at[2]) * curve.share
         open_circuit = np.interp(y, GRID, pair["Positive"]) - np.interp(x, GRID, pair["Negative"])
-        return np.asarray(open_circuit - curve.polarised * at[4] - curve.voltage)
+        off = open_circuit - curve.polarised * at[4] - curve.voltage
+        return np.append(off / unit, (at[4] - usual_v) / deviation_v)
 
-    lowest, highest = (*_LOWEST, 0.0), (*_HIGHEST, _losses_v(curve) if curve.polarised else _LOSSES_V)
-    starts = [(*start, min(_POLARISATION_V, 0.5 * highest[-1])) for start in _STARTS]
-    fits = [least_squares(misfit, start, bounds=(lowest, highest), max_nfev=_EVALUATIONS) for start in starts]
+    fits = [
+        least_squares(misfit, (*start, usual_v), bounds=(_LOWEST, _HIGHEST), max_nfev=_EVALUATIONS) for start in _STARTS
+    ]
     best = min(fits, key=lambda fit: float(fit.cost))
     full_n, empty_n, full_p, empty_p, _ = (float(value) for value in best.x)
-    rms_v = float(np.sqrt(np.mean(best.fun**2)))
-    return rms_v, {"Negative": (full_n, empty_n), "Positive": (full_p, empty_p)}
-
-
-def _losses_v(curve: OpenCircuitCurve) -> float:
-    """By how much a charge or discharge may be off the open-circuit voltage, V."""
-    return _LOSSES_V / max(curve.hours, 1.0)
+    rms_v = unit * float(np.sqrt(np.mean(best.fun[:-1] ** 2)))
+    return rms_v, 2.0 * float(best.cost), {"Negative": (full_n, empty_n), "Positive": (full_p, empty_p)}
 
 
 def misfit_of(base: ParameterSource, curve: OpenCircuitCurve) -> float | None:
