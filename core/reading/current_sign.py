@@ -107,5 +107,6 @@ def _sizes_only(samples: Samples, first: Places, last: Places) -> BsaError:
     return BsaError(
         f"{samples.source}: column {samples.column('current')} never changes its sign, yet the voltage {said} under "
         "current.",
-        "the file gives sizes only: export the current with its sign.",
+        'the file gives sizes only: export the current with its sign, or a column "State" with the words charge and '
+        "discharge.",
     )

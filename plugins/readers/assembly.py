@@ -17,6 +17,8 @@ from ...core.trajectory import FloatArray
 from .columns import EXTRA, Column, ambient_in, may_be_temperatures, named, resolve, unit_of
 from .dates import clock_s, elapsed_s, exchanged, is_clock_or_date, is_date, is_of_days, seconds_of
 from .several_cells import refuse_several_cells, telling_cells
+from .state_sign import NAMES as STATES
+from .state_sign import with_signs
 from .table import Numbers
 
 _TAKEN = {"time": "s", "voltage": "V", "current": "A", "temperature": "degC"}
@@ -68,29 +70,35 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
     in_words = is_clock_or_date(table.first(time.index))  # as 10:00:00, or as a date
     numeric = [column for column in found.values() if not (in_words and column is time)]
     cells = [] if options.join else telling_cells(table.header, {*taken, *places.values()})
-    texts = [*places.values(), *([ambient.index] if ambient else []), *([time.index] if in_words else []), *cells]
+    state = named(table.header, STATES) if "current" in found else None
+    beside = [place for place in (state, ambient and ambient.index) if place is not None]
+    texts = [*places.values(), *beside, *([time.index] if in_words else []), *cells]
     read = table.numbers({column.index: column.name for column in numeric}, options.where, texts)
     refuse_several_cells(table.header, {place: read.texts[place] for place in cells}, table.source)
     signals = {column.signal: column.in_si(read.values[column.index]) for column in numeric}
     extra = _extra(table, places, read)
     if ambient is not None:
         extra["ambient_k"] = kelvin(ambient, read.texts[ambient.index], table.decimal_comma)
-    beside, texts_beside = extra.pop("date", None), read.texts.get(places.get("date", -1), ())
+    dates, texts_of_dates = extra.pop("date", None), read.texts.get(places.get("date", -1), ())
     times = (
-        _times_in_words(table.source, time, read.texts[time.index], beside, texts_beside)
+        _times_in_words(table.source, time, read.texts[time.index], dates, texts_of_dates)
         if in_words
-        else _times_in_numbers(signals["time"], beside, texts_beside)
+        else _times_in_numbers(signals["time"], dates, texts_of_dates)
     )
     extra |= times.dates
     if "current" not in signals:
         assert options.constant_current_a is not None
         signals["current"] = times.seconds * 0.0 + options.constant_current_a
+    signed = None
+    if state is not None:
+        drawn_positive = options.current_sign == "discharge-positive"
+        signed = with_signs(signals["current"], read.texts[state], drawn_positive)
     return Samples(
         source=table.source,
         rows=read.rows,
         time=times.seconds,
         voltage=signals["voltage"],
-        current=signals["current"],
+        current=signals["current"] if signed is None else signed,
         temperature=signals.get("temperature"),
         names={signal: shown(column.name) for signal, column in found.items()},
         tests_by=_tests_by(table, times.seconds, options) if not {"date", "cycle"} & set(extra) else None,
@@ -100,6 +108,7 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
             *read.notes,
             *([unknown] if unknown and options.ambient_c is None else []),
             *times.notes,
+            *([] if signed is None or state is None else [_note_on_states(table.header[state])]),
             *_notes_on_units(numeric, options),
             *([] if "temperature" in found else _notes_on_temperatures(table, taken)),
             *_note_on_constant_current(found.get("current"), options),
@@ -162,6 +171,10 @@ def _notes_on_units(columns: Sequence[Column], options: ReadOptions) -> Iterator
                 f'column "{shown(column.name)}" was read in {options.units[column.signal]}, as said, not in '
                 f"{shown(column.written)}, as the file has it."
             )
+
+
+def _note_on_states(column: str) -> str:
+    return f'the current has the sign of the state of each row (column "{shown(column)}").'
 
 
 def _notes_on_temperatures(table: AnyTable, taken: Container[int]) -> Iterator[str]:

@@ -47,10 +47,6 @@ class MaccorText:
         """Read the file; see `Reader.read`."""
         text, notes = load_text(path)
         table = _translated(find_table(text, shown(path.name)), {*options.signal_columns.values(), *options.where})
-        current, state = _current(table, options), _state(table)
-        if current is not None and state is not None:
-            table = _with_signs(table, current, state)
-            notes = [*notes, "the current has the sign of the state of each row (D: discharge)."]
         return read_table(table, options, notes)
 
 
@@ -96,34 +92,6 @@ def _name(original: str, in_words: bool) -> str:
     return f"{known.split(' / ')[0]} / {bracketed['unit']}"
 
 
-def _current(table: Table, options: ReadOptions) -> int | None:
-    """The place of the current, which the user may name."""
-    said = options.signal_columns.get("current")
-    fits = [name == said if said is not None else name.startswith("Current / ") for name in table.header]
-    return fits.index(True) if True in fits else None
-
-
-def _state(table: Table) -> int | None:
-    return next((k for k, name in enumerate(table.header) if _plain(name) in _STATES), None)
-
-
-def _with_signs(table: Table, current: int, state: int) -> Table:
-    """The table with a current that is negative where the state is a discharge."""
-
-    def cells() -> Iterator[tuple[int, list[str]]]:
-        for number, row in table.cells():
-            if max(current, state) < len(row):
-                row[current] = _signed(row[current], row[state])
-            yield number, row
-
-    return replace(table, cells=cells)
-
-
 def _seconds(text: str) -> str:
     seconds = clock_s(text)
     return text if seconds is None else repr(seconds)
-
-
-def _signed(current: str, state: str) -> str:
-    current = current.strip()
-    return f"-{current}" if state.strip().casefold().startswith("d") and current[:1] not in ("-", "") else current
