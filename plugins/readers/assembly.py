@@ -71,7 +71,7 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
     numeric = [column for column in found.values() if not (in_words and column is time)]
     cells = [] if options.join else telling_cells(table.header, {*taken, *places.values()})
     state = named(table.header, STATES) if "current" in found else None
-    beside = [place for place in (state, ambient and ambient.index) if place is not None]
+    beside = [place for place in (state, ambient.index if ambient else None) if place is not None]
     texts = [*places.values(), *beside, *([time.index] if in_words else []), *cells]
     read = table.numbers({column.index: column.name for column in numeric}, options.where, texts)
     refuse_several_cells(table.header, {place: read.texts[place] for place in cells}, table.source)
