@@ -49,6 +49,7 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "measured-cells": discovery.measured_cells,
     "real-cells": real_cells.fitted_and_held_out,
     "knees": real_cells.by_weight,
+    "jacobian": real_cells.by_jacobian,
     "nearest-potentials": real_cells.by_potentials,
     "nearest-set": real_cells.by_start,
     "starts": real_cells.by_initial_state,

@@ -124,3 +124,14 @@ def with_spectra(results: Results) -> str:
         "measured ohmic / mohm": "{measured_ohmic_mohm:known}",
     }
     return results.framed("impedance", table_of(results.rows("impedance"), columns, 3))
+
+
+def by_jacobian(results: Results) -> str:
+    """Time of a few simulations without and with the full rows of the Jacobian apart."""
+    columns = {
+        "full rows of the Jacobian": "{rows}",
+        "version": "{version}",
+        "simulations": "{simulations:.0f}",
+        "processor s": "{processor_s:.0f}",
+    }
+    return results.framed("jacobian", table_of(results.rows("jacobian"), columns, 3))
