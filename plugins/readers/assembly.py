@@ -89,16 +89,18 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
     if "current" not in signals:
         assert options.constant_current_a is not None
         signals["current"] = times.seconds * 0.0 + options.constant_current_a
-    signed = None
+    told: list[str] = []
     if state is not None:
-        drawn_positive = options.current_sign == "discharge-positive"
-        signed = with_signs(signals["current"], read.texts[state], drawn_positive)
+        signed = with_signs(signals["current"], read.texts[state], options.current_sign == "discharge-positive")
+        if signed is not None:
+            signals["current"] = signed
+            told = [f'the current has the sign of the state of each row (column "{shown(table.header[state])}").']
     return Samples(
         source=table.source,
         rows=read.rows,
         time=times.seconds,
         voltage=signals["voltage"],
-        current=signals["current"] if signed is None else signed,
+        current=signals["current"],
         temperature=signals.get("temperature"),
         names={signal: shown(column.name) for signal, column in found.items()},
         tests_by=_tests_by(table, times.seconds, options) if not {"date", "cycle"} & set(extra) else None,
@@ -108,7 +110,7 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
             *read.notes,
             *([unknown] if unknown and options.ambient_c is None else []),
             *times.notes,
-            *([] if signed is None or state is None else [_note_on_states(table.header[state])]),
+            *told,
             *_notes_on_units(numeric, options),
             *([] if "temperature" in found else _notes_on_temperatures(table, taken)),
             *_note_on_constant_current(found.get("current"), options),
@@ -171,10 +173,6 @@ def _notes_on_units(columns: Sequence[Column], options: ReadOptions) -> Iterator
                 f'column "{shown(column.name)}" was read in {options.units[column.signal]}, as said, not in '
                 f"{shown(column.written)}, as the file has it."
             )
-
-
-def _note_on_states(column: str) -> str:
-    return f'the current has the sign of the state of each row (column "{shown(column)}").'
 
 
 def _notes_on_temperatures(table: AnyTable, taken: Container[int]) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Maccor text exports: a current without a sign, which the state of each row gives, and times in words."""
+"""Maccor text exports: columns with names of their own, and times in words."""
 
 import re
 from collections.abc import Container, Iterator, Sequence

@@ -37,9 +37,11 @@ def with_signs(current: FloatArray, states: Sequence[str], discharge_positive: b
         Negative on discharge (or on charge, where that is said); None if the current has signs of its own, or no state
         names what would be negative.
     """
+    if not np.all(current >= 0.0):
+        return None
     signs = {state: _sign(state.strip().casefold()) for state in set(states)}
     negative = 1 if discharge_positive else -1
-    if negative not in signs.values() or not np.all(current >= 0.0):
+    if negative not in signs.values():
         return None
     told = np.array([signs[state] for state in states])
     last = np.maximum.accumulate(np.where(told != 0, np.arange(len(told)), 0))

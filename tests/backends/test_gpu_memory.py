@@ -24,7 +24,7 @@ def test_sizes_that_are_not_known_are_not_told():
 @pytest.fixture
 def cuda(monkeypatch):
     """CUDA as torch shows it, with some GPUs of 85 GB; gives its functions, to be replaced."""
-    torch = pytest.importorskip("torch")
+    torch = pytest.importorskip("torch", reason='pip install "battery-sim-agent[local]"')
 
     def give(names):
         for name, found in {

@@ -27,8 +27,8 @@ _LOWEST, _HIGHEST = (0.4, 5e-4, 5e-4, 0.5, 0.0), (0.9995, 0.3, 0.6, 0.9995, 0.3)
 farther from a published curve than a tired cell's losses at 1C is another material."""
 
 _LOSS_V, _LOSS_DEVIATION_V, _HYSTERESIS_V = 0.1, 0.07, 0.01
-"""Polarisation of a charge or discharge of an hour and its standard deviation, V, in proportion to the current at other
-rates; and what the hysteresis of the potentials adds to the deviation at any rate.
+"""Polarisation of a charge or discharge of an hour (or less) and its standard deviation, V, of slower ones in
+proportion to the current; and what the hysteresis of the potentials adds to the deviation at any rate.
 
 One discharge does not tell polarisation from potentials that are higher by as much at all charges. With nothing known
 of it the NMC pouch cell got 163 mV at C/20, potentials of another NMC, and electrodes a tenth too large; and other ones
@@ -131,8 +131,8 @@ def _balanced(
     curve: OpenCircuitCurve, pair: Mapping[str, FloatArray]
 ) -> tuple[float, float, dict[str, tuple[float, float]]]:
     """Misfit, V (rms), cost, and stoichiometries at which two potentials describe the curve best."""
-    usual_v = _LOSS_V / max(curve.hours, 1.0)
-    deviation_v = math.hypot(_LOSS_DEVIATION_V / max(curve.hours, 1.0), _HYSTERESIS_V)
+    rate = 1.0 / max(curve.hours, 1.0)
+    usual_v, deviation_v = _LOSS_V * rate, math.hypot(_LOSS_DEVIATION_V * rate, _HYSTERESIS_V)
     unit = _MISFIT_V * math.sqrt(len(curve.share) / _PIECES)
 
     def misfit(at: FloatArray) -> FloatArray:
