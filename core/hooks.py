@@ -23,6 +23,7 @@ from .proposal import Proposal
 from .simulation import Outcome
 from .task import Experiment, Protocol, Task
 from .task_reduction import TaskReduction
+from .trajectory import FloatArray
 from .trial import Trial
 
 if TYPE_CHECKING:
@@ -117,6 +118,10 @@ class RunContext:
     cycled: Callable[[int, int], None] = field(default=lambda cycle, cycles: None)
 
 
+LowFidelityResiduals = Callable[[Sequence[Candidate]], Sequence[FloatArray | None]]
+"""See `ProposeContext.low_fidelity`."""
+
+
 @dataclass(frozen=True)
 class ProposeContext:
     """What a proposer may know when it is asked.
@@ -141,6 +146,10 @@ class ProposeContext:
     equilibrium : callable
         ``equilibrium(candidates)`` returns the outcomes of `RunHooks.equilibrium` in the order of the candidates, or
         None where the simulator has none. They are not counted as simulations.
+    low_fidelity : callable or None
+        ``low_fidelity(candidates)`` returns the residuals of `RunHooks.simulate_low_fidelity` in the order of the
+        candidates, each of shape (m,), None for one that failed. They are not counted as simulations either, but
+        journalled, and their time is told. None where the simulator has no such model.
     """
 
     task: Task
@@ -151,6 +160,7 @@ class ProposeContext:
     simulations_left: int
     recall: Callable[[int], list[Recollection]] = field(default=lambda budget: [])
     equilibrium: Callable[[Sequence[Candidate]], Sequence[Outcome] | None] = field(default=lambda candidates: None)
+    low_fidelity: LowFidelityResiduals | None = None
 
 
 class CatalogueHooks:
@@ -232,6 +242,24 @@ class RunHooks:
         """A candidate on a mesh of twice the points of the reference discretisation; see `simulate`.
 
         Optional: tells how far the discretisation stands from the equations. A simulator without one has no such error.
+        """
+
+    @hookspec(firstresult=True)
+    def simulate_low_fidelity(self, candidates: Sequence[Candidate]) -> Iterable[tuple[int, Outcome]] | None:
+        """Simulate candidates by a cheaper model: a coarse mesh, or a reduced-order model. Optional.
+
+        A fit of this model, corrected by what `simulate` has shown, says where `simulate` is asked next. It is worth
+        its while where it takes a small share of the time, and derivatives are off by some percent.
+
+        Parameters
+        ----------
+        candidates : sequence of Candidate
+            As for `simulate`; none where it is only asked whether there is such a model.
+
+        Yields
+        ------
+        place, outcome
+            As for `simulate`. None in place of an iterable where the task has no such model.
         """
 
     @hookspec(firstresult=True)

@@ -20,6 +20,7 @@ from ..core.run.after_search import ANALYSIS, NO_BAND, NOT_ANALYSED, NOT_PREDICT
 from ..core.run.answer import answer
 from ..core.run.budget import BUDGET, since_budget, with_budget
 from ..core.run.journal import FILE_NAME, check_calibration, read_events
+from ..core.run.low_fidelity import LOW_FIDELITY
 from ..core.shape import decoding, mapping_with, shaped
 from ..core.task import Task
 from ..core.trial import Phase, Trial, lowest, repeated_by
@@ -88,6 +89,9 @@ class RunRecord:
     records: tuple[RecordErrors, ...] = ()
     initial_records: tuple[RecordErrors, ...] = ()  # The same of the starting point.
     held_out: tuple[Prediction, ...] = ()  # Of the records that were not fitted, in the order of the task's.
+    # low_fidelity_simulations, low_fidelity_s: Simulations by a low-fidelity model, and their time.
+    low_fidelity_simulations: int = 0
+    low_fidelity_s: float = 0.0
 
     @property
     def initial(self) -> Trial:
@@ -162,7 +166,7 @@ class RunRecord:
     @property
     def simulator_s(self) -> float:
         """Time of all simulations, s; those that ran side by side are added up."""
-        return sum(trial.seconds for trial in self.trials)
+        return sum(trial.seconds for trial in self.trials) + self.low_fidelity_s
 
 
 def read_run(folder: Path) -> RunRecord:
@@ -199,6 +203,7 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
         NO_BAND: any(one.bands for one in held_out),
     }
     told = _notes(events)
+    low_fidelity = [float(event["seconds"]) for event in events if event["event"] == LOW_FIDELITY]
     return RunRecord(
         name=folder.resolve().name,
         task=task,
@@ -216,6 +221,8 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
         records=read_record_errors(scores.get(best, {})),
         initial_records=read_record_errors(scores.get(0, {})),
         held_out=held_out,
+        low_fidelity_simulations=len(low_fidelity),
+        low_fidelity_s=sum(low_fidelity),
     )
 
 

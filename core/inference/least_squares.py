@@ -10,6 +10,9 @@ an emulator of all simulations expects the least cost (`EmulatedSteps`). With tw
 as twenty such steps. After the first Jacobian, Broyden's updates are used until they fail: an emulator of so few
 simulations is hardly better.
 
+Where there is a low-fidelity model (`LowFidelity`), steps lead to where that one, corrected, expects the least cost. It
+needs no Jacobian of the full model; one is measured where such steps fail or promise nothing more.
+
 References
 ----------
 Levenberg, Quart. Appl. Math. 2 (1944) 164. Marquardt, SIAM J. Appl. Math. 11 (1963) 431. Broyden, Math.
@@ -17,6 +20,7 @@ Comp. 19 (1965) 577. Nocedal & Wright, Numerical Optimization, 2nd ed. (2006), C
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -28,6 +32,7 @@ from ..trajectory import FloatArray
 from .differences import Differences
 from .emulated_steps import EmulatedSteps
 from .fit_settings import Box, Settings
+from .low_fidelity import LowFidelity
 
 Stage = Literal["start", "jacobian", "step", "emulated", "done"]
 
@@ -58,6 +63,9 @@ _KNOWS_MORE = 2.0
 updates. Of fewer it learns the slopes but hardly how they change, and its steps are short. A measured record of 25
 parameters ends at 18 mV in 40 simulations, with 1.5 too, and at 42 with 1; the worst of twelve published tasks ends at
 0.08 % in 100 simulations, and at 0.30 % with 1."""
+
+_INNER = 4
+"""Simulations of a fit of the low-fidelity model at most, in units of those that determine a linear model."""
 
 _LEAST = 1e-7
 """Least damping."""
@@ -92,6 +100,8 @@ class LeastSquares:
         Whether the derivatives were measured at the start itself.
     known : sequence of (point, residual)
         Earlier simulations, of which an emulator learns too.
+    low_fidelity : LowFidelity, optional
+        A cheaper model that leads the way.
 
     Attributes
     ----------
@@ -121,6 +131,7 @@ class LeastSquares:
         box: Box | None = None,
         fresh: bool = False,
         known: Sequence[tuple[FloatArray, FloatArray]] = (),
+        low_fidelity: LowFidelity | None = None,
     ) -> None:
         self.settings = settings or Settings()
         self._box = box or Box.unit(len(start))
@@ -143,6 +154,7 @@ class LeastSquares:
         self._misses = 0
         self._promised = 0.0
         self._reach = self.settings.radius
+        self._low, self._led = low_fidelity, low_fidelity is not None
         self._emulated: EmulatedSteps | None = None
         if self.settings.emulates:
             self._emulated = EmulatedSteps(self._box, self._free, self.settings.noise)
@@ -170,6 +182,11 @@ class LeastSquares:
         return self._full_gain if self._fresh and not self._blocked else np.inf
 
     @property
+    def led(self) -> bool:
+        """Whether the low-fidelity model says the next step."""
+        return self.stage == "emulated" and self._led
+
+    @property
     def done(self) -> bool:
         """Whether nothing is left to ask."""
         return self.stage == "done"
@@ -183,14 +200,13 @@ class LeastSquares:
             How many can still be simulated. Where they do not suffice for a new Jacobian, the one at
             hand, or the emulator, is used to the end; where these predict no gain, it is asked for all the same.
         """
+        self.plan()
         if self.stage == "jacobian" and not self._batch:
             if self.jacobian is not None and limit is not None and limit <= np.count_nonzero(self._free):
                 self._plan_last_step()
             if not self._batch:
                 assert self.residual is not None
-                self._differences = Differences(
-                    self.point, self.residual, self.jacobian, self._box, self.settings, self._free, self._closer
-                )
+                self._differences = self._begin_differences(self.residual)
                 self._batch = self._differences.points
                 if not self._batch:
                     self._take_jacobian(self._differences)
@@ -223,7 +239,7 @@ class LeastSquares:
 
     def _begin(self) -> None:
         self._first_cost = self._round_cost = self.cost
-        self.stage = "jacobian" if self.jacobian is None else "step"
+        self.stage = "emulated" if self._led else "jacobian" if self.jacobian is None else "step"
         if self.residual is None:
             self._end("failed")
 
@@ -236,6 +252,10 @@ class LeastSquares:
         self.stage = "done"
 
     # --- derivatives ----------------------------------------------------------------------------------------
+
+    def _begin_differences(self, residual: FloatArray) -> Differences:
+        """Differences from residuals at the best point."""
+        return Differences(self.point, residual, self.jacobian, self._box, self.settings, self._free, self._closer)
 
     def _take_differences(self, residuals: list[FloatArray | None]) -> None:
         assert self._differences is not None
@@ -250,7 +270,8 @@ class LeastSquares:
             if too_short and self._idle_rounds < _IDLE_ROUNDS:
                 self.damping = self.settings.damping
             self._round_cost = self.cost
-            self.stage = "step"
+            self._led = self._low is not None
+            self.stage = "emulated" if self._led else "step"
 
     def _take_jacobian(self, measured: Differences) -> None:
         self.jacobian, self._fresh = measured.jacobian, True
@@ -264,8 +285,32 @@ class LeastSquares:
             self._end("perfect")
         if self.stage == "step":
             self._plan_step()
-        if self.stage == "emulated":
+        if self.stage == "emulated" and not self._led:
             self._plan_emulated_step()
+
+    def plan(self) -> None:
+        """Settle what comes next where the low-fidelity model has to be simulated for that; nothing elsewhere."""
+        if self.stage == "emulated" and self._led and not self._batch:
+            self._plan_low_fidelity_step()
+
+    def _plan_low_fidelity_step(self) -> None:
+        """The next point by the low-fidelity model; without it where it promises little, or has failed too often."""
+        assert self._low is not None
+        if self._misses < _MISSES:
+            self._promised, led_to = self._fit_low_fidelity()
+            if self._promised > self._worth:
+                self._batch = [led_to]
+                return
+        if self._low.suffices and (self._misses == 0 or self.cost < self._first_cost):
+            self._end(self._ending_at(self._promised))
+            return
+        promising, self._misses, self._led = self._promised > self._worth, 0, False
+        if promising and self._fresh:
+            # Its derivatives were those of the full model, and it has failed all the same.
+            self.stage = "step"
+        else:
+            self._next_round()
+        self._plan()
 
     def _plan_step(self) -> None:
         step = self._linear_step(self.damping)
@@ -276,10 +321,34 @@ class LeastSquares:
 
     def _leave_linear_steps(self) -> None:
         """Go on where the linear model gains no more: by an emulator, if it has seen enough simulations."""
-        if self._emulator_knows(1.0):
+        if self._led or self._emulator_knows(1.0):
             self.stage = "emulated"
         else:
             self._next_round()
+
+    def _fit_low_fidelity(self) -> tuple[float, FloatArray]:
+        """The gain that a fit of the corrected low-fidelity model predicts, and where; no gain where it fails."""
+        assert self._low is not None
+        assert self.residual is not None
+        usable = self._low.learn(self.point, self.residual)
+        if usable and self._fresh:
+            assert self.jacobian is not None
+            usable = self._low.learn_slopes(self.jacobian, self._begin_differences)
+        if not usable:
+            return 0.0, self.point
+        near = replace(
+            self._box,
+            lower=np.maximum(self._box.lower, self.point - self._reach),
+            upper=np.minimum(self._box.upper, self.point + self._reach),
+        )
+        enough = float(np.sqrt(self._low.worth(self.cost) / len(self.residual)))
+        settings = replace(self.settings, enough=max(self.settings.enough, enough))
+        inner = LeastSquares(
+            self.point, self.residual, settings, self._free, self._low.jacobian, near, known=self._low.known
+        )
+        solve(inner, self._low.corrected, _INNER * (int(np.count_nonzero(self._free)) + 1))
+        self._low.jacobian = inner.jacobian
+        return self.cost - inner.cost, inner.point
 
     def _plan_emulated_step(self) -> None:
         """The next point by the emulator; another Jacobian where it predicts little, or has failed too often."""
@@ -314,20 +383,31 @@ class LeastSquares:
         return np.clip(self.point + step, self._box.lower, self._box.upper)
 
     def _take_emulated_step(self, point: FloatArray, residual: FloatArray | None) -> None:
-        assert self._emulated is not None
         gained = -np.inf if residual is None else self.cost - self._cost_of(residual, point)
+        if self._led:
+            assert self._low is not None
+            self._low.learn(point, residual)
         self._misses = self._misses + 1 if gained <= max(self._worth, _POOR * self._promised) else 0
-        if residual is None:
+        if residual is None or (self._led and gained <= 0):
             # An emulator learns nothing from a failure: it would go there again.
-            self._misses = len(self.point)
+            self._misses = self._misses if self._led else len(self.point)
             self._reach = 0.5 * float(np.max(np.abs(point - self.point)))
         else:
             self._reach = min(2.0 * self._reach, self.settings.radius)
         if residual is not None and gained > 0:
             self.point, self.residual = point, residual
-            self.jacobian = self._emulated.derivatives(point)
+            self.jacobian = self._derivatives(point)
             self._fresh = False
             self.damping = self._known_damping = self.settings.damping
+
+    def _derivatives(self, point: FloatArray) -> FloatArray:
+        """Derivatives at a point by what led there."""
+        if self._led:
+            assert self._low is not None
+            assert self._low.jacobian is not None
+            return self._low.jacobian
+        assert self._emulated is not None
+        return self._emulated.derivatives(point)
 
     def _linear_step(self, damping: float) -> FloatArray:
         jacobian, residual = self._linear_model()
@@ -361,7 +441,10 @@ class LeastSquares:
     def _why_nothing_is_left(self) -> Ending:
         if self._fresh and self._blocked:
             return "blocked"
-        gain = self._full_gain
+        return self._ending_at(self._full_gain)
+
+    def _ending_at(self, gain: float) -> Ending:
+        """Why a fit ends where it predicts a gain."""
         return "noise" if gain <= self.settings.noise**2 else "misfit" if gain <= self._worth else "no progress"
 
     def _perfect(self) -> bool:

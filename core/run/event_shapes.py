@@ -81,6 +81,7 @@ def _shapes() -> dict[str, Any]:
         # Of how many draws of the posterior bands are made; earlier versions did not write it.
         "held-out": mapping_with(base=int, predictions=list_of(predicted), draws=(int | None, None)),
         "appraisal-simulation": mapping_with(experiments=list[str], candidate=dict[str, float], outcome=dict[str, Any]),
+        "low-fidelity": mapping_with(candidate=dict[str, float], residuals=str | None, seconds=float),
         # What a discovery has settled before its first simulation; no shift where it could not be simulated.
         "settled": mapping_with(spreads=dict[str, tuple[float, float, float]], radial_points=int, shift_v=float | None),
         # Voltage and temperature are those of a measured record, residuals those of a life. Earlier versions wrote no

@@ -34,6 +34,7 @@ from .after_search import AfterSearch, Score, Watching
 from .answer import answer
 from .budget import SimulationBudget
 from .journal import Journal, spent_s
+from .low_fidelity import LowFidelitySimulations
 from .recording import Recorder
 from .run_config import RunConfig
 from .run_plugins import RunPlugins
@@ -79,9 +80,13 @@ class RunResult:
     unusable_replies: int
     lost_rounds: int
     # wall_s, simulator_s: Time from start to end, of each time the run was taken up, and of all simulations of the
-    # search, in seconds.
+    # search, those by a low-fidelity model included, in seconds.
     wall_s: float
     simulator_s: float
+    # low_fidelity_simulations, low_fidelity_s: Simulations by a low-fidelity model, between those of the search and not
+    # counted among them; and the time of them all, in seconds.
+    low_fidelity_simulations: int = 0
+    low_fidelity_s: float = 0.0
     analysis: PostFitAnalysis | None = None  # What the records fix, where that was asked for and something simulated.
     # Why the language model was not asked any more, where that stopped the run before its end; of a finished search
     # what it left out for lack of simulations.
@@ -130,6 +135,8 @@ class Run:
         self._earlier_proposals = sum(event["event"] == "proposal" for event in earlier)
         self._earlier_s = spent_s(earlier)
         self._analysing = analysing
+        self._low_fidelity = LowFidelitySimulations(task, plugins, journal, earlier, listener)
+        self._has_low_fidelity = self._low_fidelity.exists
         self._after = AfterSearch(task, plugins, journal, earlier, listener)
         self._trials: list[Trial] = []
         self._lacking = self._advice = ""
@@ -216,6 +223,7 @@ class Run:
             simulations_left=simulations_left,
             recall=self._plugins.recall,
             equilibrium=self._plugins.equilibrium,
+            low_fidelity=self._low_fidelity if self._has_low_fidelity else None,
         )
 
     def _take(self, proposal: Proposal, phase: Phase, number: int) -> None:
@@ -375,7 +383,9 @@ class Run:
                 unusable_replies=self._unusable_replies,
                 lost_rounds=self._lost_rounds,
                 wall_s=self._earlier_s + took_s,
-                simulator_s=sum(trial.seconds for trial in self._trials),
+                simulator_s=sum(trial.seconds for trial in self._trials) + self._low_fidelity.seconds,
+                low_fidelity_simulations=self._low_fidelity.simulations,
+                low_fidelity_s=self._low_fidelity.seconds,
                 analysis=analysis,
                 reason=reason,
                 records=fit.records,

@@ -135,11 +135,19 @@ class RunPlugins:
 
     def equilibrium(self, candidates: Sequence[Candidate]) -> list[Outcome] | None:
         """See `RunHooks.equilibrium`; in the order of the candidates, None where the simulator has none."""
-        hook, simulator = "equilibrium", self._only("equilibrium")
+        found = self._optional_outcomes("equilibrium", candidates)
+        return None if found is None else in_order(found)
+
+    def simulate_low_fidelity(self, candidates: Sequence[Candidate]) -> Iterator[tuple[int, Outcome]] | None:
+        """See `RunHooks.simulate_low_fidelity`; None where the simulator has no such model of the task."""
+        return self._optional_outcomes("simulate_low_fidelity", candidates)
+
+    def _optional_outcomes(self, hook: str, candidates: Sequence[Candidate]) -> Iterator[tuple[int, Outcome]] | None:
+        simulator = self._only(hook)
         pairs = simulator and simulator.call(hook, candidates=[dict(candidate) for candidate in candidates])
         if simulator is None or pairs is None:
             return None
-        return in_order(self._outcomes(simulator, hook, pairs, len(candidates), self._context.task.experiments))
+        return self._outcomes(simulator, hook, pairs, len(candidates), self._context.task.experiments)
 
     def _optional(self, hook: str, check: Callable[[Any], Any], **arguments: Any) -> Any:
         """The checked answer of the plugin that implements the hook; that of none is None."""

@@ -128,6 +128,7 @@ COLUMNS = (
     ),
     _told("simulations", "simulations of the search, warm-up and the first one included", int, "Sim.", "simulations"),
     _told("failed_simulations", "how many of them failed", int, "Failed", "of them failed"),
+    _told("low_fidelity_simulations", "simulations by a low-fidelity model; not among the others", int),
     _told("llm_calls", "calls of the language model", int, effort="model calls"),
     Column(
         "lost_calls", int, "how many of them gave no reply; also of a cell that failed for it", lambda f: f.lost_calls
@@ -138,6 +139,7 @@ COLUMNS = (
     _told("cost_usd", "price of these tokens, US dollars; empty where it is not known", float, "Cost / $", "cost / $"),
     _told("wall_s", "time from start to end, of each time it was taken up, s", float, "Time / s", "time / s"),
     _told("simulator_s", "time of all simulations, those side by side added up, s"),
+    _told("low_fidelity_s", "time of those by a low-fidelity model, which is part of it, s"),
     _told("backend_s", "time of the language model, s"),
     Column(
         "proposer_s",

@@ -109,8 +109,11 @@ class Store:
         return self.root / "tasks" / f"{digest}.json"
 
 
-_COUNTED = ("simulations", "failed_simulations", "llm_calls", "lost_calls", "unusable_replies", "lost_rounds", "tokens")
-_MEASURED = ("cost_usd", "wall_s", "simulator_s", "backend_s")
+_COUNTED = (
+    *("simulations", "failed_simulations", "low_fidelity_simulations"),
+    *("llm_calls", "lost_calls", "unusable_replies", "lost_rounds", "tokens"),
+)
+_MEASURED = ("cost_usd", "wall_s", "simulator_s", "low_fidelity_s", "backend_s")
 _RESULT = mapping_with(
     status=str,
     best=dict[str, Any],

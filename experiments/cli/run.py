@@ -334,7 +334,9 @@ def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterabl
     lost += f", {useless}" * bool(useless)
     left_out = "" if result.status in STOPPED else result.reason
     ended = result.status + ", with stages left out," * bool(left_out)
-    print(f"{ended} after {counted(len(result.trials), 'simulation')} ({failed} failed){lost}, {result.wall_s:.0f} s")
+    more = f" and {result.low_fidelity_simulations} by the low-fidelity model" * bool(result.low_fidelity_simulations)
+    spent = f"{counted(len(result.trials), 'simulation')} ({failed} failed){more}"
+    print(f"{ended} after {spent}{lost}, {result.wall_s:.0f} s")
     shown = headline_of(task)
     width = max(len(quantity.words) for quantity in shown)
     for quantity in shown:

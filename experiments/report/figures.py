@@ -344,9 +344,10 @@ def convergence(run: RunRecord, objective: Quantity) -> Chart | None:
         chart.shade(min(warm_up) - 0.5, max(warm_up) + 0.5, "warm-up", least_width=60.0)
     if run.failed:
         chart.keys.append(Key("failed", f"failed ({run.failed})", "cross"))
+    more = f"; {run.low_fidelity_simulations} by the low-fidelity model" * bool(run.low_fidelity_simulations)
     chart.description = (
         f"{objective.label} fell from {number(run.initial.objective)} to {number(run.best.objective)} "
-        f"{objective.unit} in {counted(len(run.trials), 'simulation')}, {run.failed} of which failed."
+        f"{objective.unit} in {counted(len(run.trials), 'simulation')}, {run.failed} of which failed{more}."
     )
     return chart
 

@@ -1,14 +1,16 @@
 """A numerical fit over the trials of a run: find a feasible start, descend, and begin elsewhere if it is stuck."""
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, TypeGuard
 
 import numpy as np
 from pydantic import BaseModel, Field
 
 from ...core.comparison.residuals import noise_of_residuals, rms
+from ...core.hooks import LowFidelityResiduals
 from ...core.inference.fit_settings import Settings
 from ...core.inference.least_squares import LeastSquares
+from ...core.inference.low_fidelity import LowFidelity
 from ...core.parameters import Candidate
 from ...core.run.answer import CLEARLY_ABOVE
 from ...core.task import Task
@@ -61,6 +63,12 @@ _STEPS_WORTH = 6
 """Simulations beyond a Jacobian without which a restart cannot get anywhere."""
 
 
+LOW_FIDELITY: bool = Field(
+    True,
+    description="Whether the simulator's low-fidelity model, if it has one, leads the way as long as that gains.",
+)
+
+
 class DescentOptions(BaseModel, extra="forbid"):
     """How the numerical fit proceeds."""
 
@@ -68,6 +76,7 @@ class DescentOptions(BaseModel, extra="forbid"):
         0.007, gt=0, le=0.2, description="Finite-difference step, as a share of each parameter's range."
     )
     radius: float = Field(0.3, gt=0, le=2, description="Longest step of a parameter, as a share of its range.")
+    low_fidelity: bool = LOW_FIDELITY
     restarts: int = Field(2, ge=0, description="How often to begin elsewhere when the fit ends far from the record.")
 
 
@@ -75,10 +84,19 @@ class Descent:
     """Asks for candidates and is told their trials.
 
     It begins with the trial ``start``, which may have failed; ``seed`` is for what is random: where to look for a
-    feasible start, where to begin again.
+    feasible start, where to begin again. ``low_fidelity`` is the model that leads the way (see
+    `ProposeContext`).
     """
 
-    def __init__(self, task: Task, options: DescentOptions, seed: int, start: Trial) -> None:
+    def __init__(
+        self,
+        task: Task,
+        options: DescentOptions,
+        seed: int,
+        start: Trial,
+        low_fidelity: LowFidelityResiduals | None = None,
+    ) -> None:
+        self._low_fidelity = low_fidelity if options.low_fidelity else None
         self._task = task
         self._options = options
         self._seed = seed
@@ -174,7 +192,12 @@ class Descent:
     @property
     def emulated_next(self) -> bool:
         """Whether the candidate asked for is an emulator's."""
-        return self._search is not None and self._search.stage == "emulated"
+        return self._search is not None and self._search.stage == "emulated" and not self._search.led
+
+    @property
+    def low_fidelity_next(self) -> bool:
+        """Whether the candidate asked for is the low-fidelity model's."""
+        return self._search is not None and self._search.led
 
     def ask(self, limit: int, planning_budget: int | None = None) -> list[Candidate]:
         """What to simulate next, at most ``limit`` candidates; empty when done.
@@ -193,6 +216,7 @@ class Descent:
         if self._search is None:
             assert self._feasibility is not None
             return self._feasibility.ask()[:limit]
+        self._search.plan()
         if self._crawls() and self._may_restart(limit):
             self._left_crawling = self._search
             return self._begin_again(planning_budget)
@@ -284,18 +308,23 @@ class Descent:
         seen = [(trial.candidate, trial.residuals) for trial in self._told if trial.reduction is None]
         known = [(self._task.space.to_unit(there), found) for there, found in seen if found is not None]
         point = self._task.space.to_unit(candidate)
-        return LeastSquares(point, residuals, settings, jacobian=jacobian, known=known)
+        low = None if self._low_fidelity is None else LowFidelity(self._low_residuals)
+        return LeastSquares(point, residuals, settings, jacobian=jacobian, known=known, low_fidelity=low)
+
+    def _low_residuals(self, points: Sequence[FloatArray]) -> Sequence[FloatArray | None]:
+        assert self._low_fidelity is not None
+        return self._low_fidelity([self._task.space.from_unit(point) for point in points])
 
     def _is_too_slow(self) -> bool:
         """Whether a fit far from the record has come to a new Jacobian without having gained much by the last one."""
         search = self._search
-        if search is None or search.stage != "jacobian" or search.jacobian is None:
+        if not _comes_to_another_jacobian(search):
             return False
         return rms(search.residual) > self._suspicious and search.round_gain < _TOO_SLOW
 
     def _crawls(self) -> bool:
         search = self._search
-        if search is None or search.stage != "jacobian" or search.jacobian is None or self._polled:
+        if not _comes_to_another_jacobian(search) or self._polled:
             return False
         # A step that has vanished can drown all else in the residuals: the score must have stalled too.
         gain = 1.0 - (self._objective(search) / self._objective_before) ** 2 if self._objective_before else 0.0
@@ -342,3 +371,8 @@ class Descent:
     def _search_from_trial(self, trial: Trial) -> LeastSquares:
         self._search = self._search_from(trial.candidate, trial.residuals)
         return self._search
+
+
+def _comes_to_another_jacobian(search: LeastSquares | None) -> TypeGuard[LeastSquares]:
+    """Whether a fit has spent one simulated Jacobian, and is about to simulate another."""
+    return search is not None and search.stage == "jacobian" and search.jacobian is not None

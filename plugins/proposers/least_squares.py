@@ -6,7 +6,7 @@ from .descent import Descent, DescentOptions
 
 
 class LeastSquaresProposer:
-    """Bounded Levenberg-Marquardt with steps by an emulator between Jacobians; a Jacobian or a step a round.
+    """Bounded least squares: steps by a low-fidelity model, an emulator or Jacobians; a Jacobian or a step a round.
 
     It rebuilds itself on resume by being asked the same questions and told the same trials.
     """
@@ -21,7 +21,7 @@ class LeastSquaresProposer:
     def propose(self, context: ProposeContext) -> Proposal:
         """See `RunHooks.propose`."""
         if self._descent is None:
-            self._descent = Descent(context.task, self._options, self._seed, context.best)
+            self._descent = Descent(context.task, self._options, self._seed, context.best, context.low_fidelity)
         else:
             self._descent.tell(context.trials[self._seen :])
         self._seen = len(context.trials)
@@ -59,6 +59,8 @@ def words(descent: Descent) -> str:
         return "The fit is stuck far from the record: again from elsewhere."
     if descent.jacobian_next:
         return "Finite differences: what does each parameter do here?"
+    if descent.low_fidelity_next:
+        return "Where the low-fidelity model, corrected by the simulations so far, expects the least misfit."
     if descent.emulated_next:
         return "Where an emulator, learnt from the simulations so far, expects the least misfit."
     return "The damped least-squares step from the best point."

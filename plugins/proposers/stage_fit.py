@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
+from ...core.hooks import LowFidelityResiduals
 from ...core.inference.fit_settings import Box, Settings
 from ...core.inference.identifiability import residual_noise
 from ...core.inference.least_squares import LeastSquares
+from ...core.inference.low_fidelity import LowFidelity
 from ...core.parameters import Candidate
 from ...core.task import Task
 from ...core.task_reduction import TaskReduction
@@ -170,7 +172,7 @@ class StageFit(Stage):
     """A stage whose derivatives are simulated; parameters and attributes as for `Stage`.
 
     One that is fitted to the first cycle simulates no other, and the whole task where it ended. What ``earlier`` trials
-    show of its residuals is known to it.
+    show of its residuals is known to it. ``low_fidelity`` is the model that leads the way (see `ProposeContext`).
     """
 
     def __init__(
@@ -182,12 +184,18 @@ class StageFit(Stage):
         start: Trial,
         budget: int,
         earlier: Sequence[Trial] = (),
+        low_fidelity: LowFidelityResiduals | None = None,
     ) -> None:
         super().__init__(task, choice, view, free, start, budget)
         self._start = start
         self._told_so_far = list(earlier)
         self._first_cycle = _first_cycle_of(task) if choice.data == "first-cycle" else None
         self.reduction = self._first_cycle
+        self._simulate_low_fidelity = low_fidelity
+        # A first cycle alone is another task than what the low-fidelity model simulates.
+        used = low_fidelity is not None and self._first_cycle is None
+        # What such a model leaves is mended by the stages after this one.
+        self._low_fidelity = LowFidelity(self._low_residuals, suffices=choice.share < 1.0) if used else None
         self._search = self._from_here()
         self._scan = self._spread(choice.scan)
 
@@ -222,7 +230,13 @@ class StageFit(Stage):
         point, residual = self._point(self._here), self._weighed(self._here)
         seen = [(self._point(trial), self._weighed(trial)) for trial in self._told_so_far if trial is not self._here]
         earlier = [(there, found) for there, found in seen if found is not None]
-        return LeastSquares(point, residual, SETTINGS, self._free, jacobian, self._box(), fresh, earlier)
+        low = self._low_fidelity
+        return LeastSquares(point, residual, SETTINGS, self._free, jacobian, self._box(), fresh, earlier, low)
+
+    def _low_residuals(self, points: Sequence[FloatArray]) -> list[FloatArray | None]:
+        assert self._simulate_low_fidelity is not None
+        found = self._simulate_low_fidelity([self._space.at(point) for point in points])
+        return [None if residual is None else self._view(residual) / self._noise for residual in found]
 
     def _told(self, jacobian: FloatArray) -> NDArray[np.bool_]:
         """Of which parameters the data can say something beside their priors; all of those without one."""
@@ -246,6 +260,8 @@ class StageFit(Stage):
         if (not points or self.takes_slopes) and self._improved():
             before, self._noise = self._noise, self._misfit_noise()
             known, fresh = self._search.jacobian, bool(np.isfinite(self._search.predicted))
+            if self._low_fidelity is not None:
+                self._low_fidelity.weigh_anew(before / self._noise)
             self._search = self._from_here(None if known is None else before / self._noise * known, fresh)
             points = self._search.ask(reckoned) if limit > 0 else []
         if points and len(points) <= limit:
@@ -259,6 +275,8 @@ class StageFit(Stage):
             return "all cycles where it ended"
         if self._scan:
             return f"{len(self._scan)} values over the ranges of those without a prior"
+        if self._search.led:
+            return "a step by the low-fidelity model"
         return "an emulator's step" if self._search.stage == "emulated" else super()._method
 
     def _improved(self) -> bool:
@@ -280,7 +298,7 @@ class StageFit(Stage):
             self._here = whole if whole.residuals is not None else self._start
             return self._here
         weighed = [self._weighed(trial) for trial in trials]
-        first = self._search.jacobian is None
+        first = self.takes_slopes and self._search.jacobian is None
         self._search.tell(weighed)
         for trial, residual in zip(trials, weighed, strict=True):
             if residual is not None and residual is self._search.residual:

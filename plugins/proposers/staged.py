@@ -12,7 +12,7 @@ from ...core.hooks import ProposeContext, RunContext, hookimpl
 from ...core.parameters import Candidate
 from ...core.proposal import LACKING, Proposal
 from ...core.trial import Trial
-from .descent import Descent, DescentOptions
+from .descent import LOW_FIDELITY, Descent, DescentOptions
 from .equilibrium_fit import EquilibriumFit
 from .least_squares import next_proposal
 from .stage_data import view_of
@@ -30,6 +30,7 @@ class StagedOptions(BaseModel, extra="forbid"):
         min_length=1,
         description="The stages, in the order of the rules; one fit of everything if left out.",
     )
+    low_fidelity: bool = LOW_FIDELITY
     order: list[str] = Field(
         default_factory=list,
         description="Names of the stages that run, in this order; one can be repeated or left out. All if empty.",
@@ -60,6 +61,7 @@ class StagedProposer:
 
     def __init__(self, options: StagedOptions, context: RunContext) -> None:
         self._plan = options.plan
+        self._options = options
         self._seed = context.seed
         self._descent: Descent | None = None
         self._here: Trial | None = None
@@ -159,18 +161,21 @@ class StagedProposer:
         start = self._start(context, choice)
         if choice.data == "open-circuit" and context.equilibrium([start.candidate]) is not None:
             return EquilibriumFit(context.task, choice, view, free, start, budget, context.equilibrium), ""
-        if budget < np.count_nonzero(free) + _FEWEST_STEPS:
-            return None, self._too_few(choice, int(np.count_nonzero(free)), context)
-        return StageFit(context.task, choice, view, free, start, budget, context.trials), ""
+        low = context.low_fidelity if self._options.low_fidelity else None
+        # Without a low-fidelity model, derivatives are simulations of the search.
+        needed = _FEWEST_STEPS + (int(np.count_nonzero(free)) if low is None or choice.data == "first-cycle" else 0)
+        if budget < needed:
+            return None, self._too_few(choice, int(np.count_nonzero(free)), needed, context)
+        return StageFit(context.task, choice, view, free, start, budget, context.trials, low), ""
 
-    def _too_few(self, choice: StageChoice, parameters: int, context: ProposeContext) -> str:
+    def _too_few(self, choice: StageChoice, parameters: int, needed: int, context: ProposeContext) -> str:
         """That the simulations left do not suffice for a stage, and of how many a run comes to it in any case."""
         self._shares.append(choice.share)
         self._lacked.append(choice)
         left = f"{context.simulations_left} simulations left"
         few = f"the {left} do" if choice.share == 1.0 else f"its share of {choice.share:g} of the {left} does"
-        why = f"{few} not suffice for its {parameters} parameters, which take {parameters + _FEWEST_STEPS}"
-        enough = self._enough(len(context.trials) + context.simulations_left, parameters + _FEWEST_STEPS)
+        why = f"{few} not suffice for its {parameters} parameters, which take {needed}"
+        enough = self._enough(len(context.trials) + context.simulations_left, needed)
         told = why if enough is None else f"{why}; at most {enough} simulations would have been needed"
         self._lacking.append(f'Stage "{choice.name}" is skipped: {told}.')
         return told

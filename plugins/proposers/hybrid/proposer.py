@@ -99,7 +99,7 @@ class HybridProposer:
     def _take(self, context: ProposeContext) -> Descent:
         """Hand the new trials to those who asked for them."""
         if self._main is None:
-            self._main = Descent(context.task, self._options, self._seed, context.best)
+            self._main = Descent(context.task, self._options, self._seed, context.best, context.low_fidelity)
             self._main_spent = len(context.trials)
             return self._main
         new = context.trials[self._seen :]

@@ -56,6 +56,9 @@ class Resolution:
 
 
 SEARCH = Resolution()
+LOW_FIDELITY = Resolution(points=10)
+"""Half of PyBaMM's points: a fit of such a model leads a fit of the one it stands for."""
+
 REFERENCE = Resolution(rtol=1e-6, standard_mesh=True)
 """For final scores. At an absolute tolerance of 1e-8 every experiment on Ecker2015 fails in its first rest."""
 

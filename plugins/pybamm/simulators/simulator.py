@@ -78,6 +78,13 @@ class PyBaMMSimulator:
         return self._pool.simulate_finer(candidate)
 
     @hookimpl
+    def simulate_low_fidelity(self, candidates: Sequence[Candidate]) -> Iterator[tuple[int, Outcome]] | None:
+        """Simulate a DFN on a mesh of half the points, or by SPMe; the other models have none that costs much less."""
+        if self._task.cell.model != "DFN" or any(experiment.long for experiment in self._task.experiments):
+            return None
+        return self._pool.simulate_low_fidelity(candidates)
+
+    @hookimpl
     def simulate_variant(
         self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], exact: bool
     ) -> Iterator[tuple[int, Outcome]]:

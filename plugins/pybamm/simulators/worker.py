@@ -10,11 +10,17 @@ from ....core.parameters import Candidate
 from ....core.simulation import ExperimentRun, Outcome, SimulationFailure
 from ....core.target import Target, change_of
 from ....core.task import CellModel, Experiment
-from ..modelling.resolution import FINE, REFERENCE, Resolution
+from ..modelling.resolution import FINE, LOW_FIDELITY, REFERENCE, SEARCH, Resolution
 from .processes import Pool, Report
+
+_FIRST_ALLOWANCE = 2.0
+"""The low-fidelity model is compiled with its first candidate, which may take so many times as long."""
 
 _REFERENCE_ALLOWANCE = 10.0
 """A reference solve builds its model anew, on a finer mesh at tighter tolerances: it may take this much longer."""
+
+
+_ALLOWANCE = {SEARCH: 1.0, LOW_FIDELITY: _FIRST_ALLOWANCE}
 
 
 @dataclass(frozen=True)
@@ -31,45 +37,52 @@ class CandidateService:
 
     def __init__(self, assignment: Assignment) -> None:
         self._assignment = assignment
-        self._compiled: list[Any] = []
+        self._compiled: dict[Resolution, list[Any]] = {}
 
     def prepare(self) -> None:
         """Compile the experiments."""
         from ..cells.parameter_sets import pybamm
-        from ..solving.experiment_kinds import compiled
 
         pybamm.set_logging_level("CRITICAL")
-        cell, targets = self._assignment.cell, self._assignment.targets
-        self._compiled = [compiled(cell, experiment, targets) for experiment in self._assignment.experiments]
+        self._at(SEARCH)
 
-    def work(self, job: tuple[Candidate, Resolution | None], report: Report) -> Outcome:
+    def _at(self, resolution: Resolution) -> list[Any]:
+        """The experiments, compiled once, at the accuracy of the search, or of the low-fidelity model."""
+        from ..solving.experiment_kinds import compiled
+
+        if resolution not in self._compiled:
+            cell, targets = self._assignment.cell, self._assignment.targets
+            self._compiled[resolution] = [
+                compiled(cell, experiment, targets, resolution) for experiment in self._assignment.experiments
+            ]
+        return self._compiled[resolution]
+
+    def work(self, job: tuple[Candidate, Resolution], report: Report) -> Outcome:
         """Simulate a candidate; what it provokes is a failed trial with the experiments that were done before."""
         candidate, resolution = job
         started = time.perf_counter()
         runs: list[ExperimentRun] = []
         try:
-            for number in range(len(self._compiled)):
+            for number in range(len(self._assignment.experiments)):
                 runs.append(self._simulate(number, candidate, resolution, report))
         except BsaError:
             raise
         except Exception as error:
             reason = f"{type(error).__name__}: {error}".splitlines()[0][:200]
-            runs += [ExperimentRun(None, SimulationFailure(reason))] * (len(self._compiled) - len(runs))
+            runs += [ExperimentRun(None, SimulationFailure(reason))] * (len(self._assignment.experiments) - len(runs))
         return Outcome(tuple(runs), time.perf_counter() - started)
 
-    def _simulate(
-        self, number: int, candidate: Candidate, resolution: Resolution | None, report: Report
-    ) -> ExperimentRun:
+    def _simulate(self, number: int, candidate: Candidate, resolution: Resolution, report: Report) -> ExperimentRun:
         from ..solving.experiment_kinds import solve_reference
 
         def on_step(step: str, cycle: int) -> None:
             report((number, step, cycle))
 
-        if resolution is not None:
+        if resolution not in (SEARCH, LOW_FIDELITY):
             change = change_of(self._assignment.targets, candidate)
             experiment = self._assignment.experiments[number]
             return solve_reference(self._assignment.cell, experiment, change, resolution, on_step)
-        run: ExperimentRun = self._compiled[number].solve(candidate, on_step)
+        run: ExperimentRun = self._at(resolution)[number].solve(candidate, on_step)
         return run
 
     def lost(self, cause: str, seconds: float, reported: Any) -> Outcome:
@@ -104,16 +117,20 @@ class WorkerPool:
 
     def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
         """Simulate all candidates; the place and the outcome of each as it finishes."""
-        return self._at(REFERENCE if exact else None, candidates)
+        return self._at(REFERENCE if exact else SEARCH, candidates)
+
+    def simulate_low_fidelity(self, candidates: Sequence[Candidate]) -> Iterator[tuple[int, Outcome]]:
+        """Simulate all candidates by the low-fidelity model; see `simulate`."""
+        return self._at(LOW_FIDELITY, candidates)
 
     def simulate_finer(self, candidate: Candidate) -> Outcome:
         """Simulate a candidate on a mesh of twice the points."""
         ((_, outcome),) = self._at(FINE, [candidate])
         return outcome
 
-    def _at(self, resolution: Resolution | None, candidates: Sequence[Candidate]) -> Iterator[tuple[int, Outcome]]:
+    def _at(self, resolution: Resolution, candidates: Sequence[Candidate]) -> Iterator[tuple[int, Outcome]]:
         jobs = [(dict(candidate), resolution) for candidate in candidates]
-        return self.processes.run(jobs, 1.0 if resolution is None else _REFERENCE_ALLOWANCE)
+        return self.processes.run(jobs, _ALLOWANCE.get(resolution, _REFERENCE_ALLOWANCE))
 
     def close(self) -> None:
         """End all processes."""

@@ -1,11 +1,14 @@
 """Which way an experiment is simulated: by its protocol, as a life, by its measured current, or as a spectrum."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import replace
 
+from ....core.errors import BsaError
 from ....core.simulation import ExperimentRun
 from ....core.target import CellChange, Target
 from ....core.task import CellModel, Experiment
-from ..modelling.resolution import REFERENCE, Resolution
+from ..modelling.resolution import LOW_FIDELITY, REFERENCE, SEARCH, Resolution
 from .compiled import CompiledExperiment
 from .driven_experiment import DrivenExperiment
 from .long_experiment import LongExperiment
@@ -14,9 +17,17 @@ from .spectrum_experiment import SpectrumExperiment
 Simulated = CompiledExperiment | DrivenExperiment | LongExperiment | SpectrumExperiment
 
 
-def compiled(cell: CellModel, experiment: Experiment, targets: Mapping[str, Target]) -> Simulated:
-    """An experiment, ready to be solved for many candidates with the search's accuracy."""
-    return _kind(experiment)(cell, experiment, targets)
+def compiled(
+    cell: CellModel, experiment: Experiment, targets: Mapping[str, Target], resolution: Resolution = SEARCH
+) -> Simulated:
+    """An experiment that can be solved for many candidates, as in a search or by its low-fidelity model."""
+    kind = _kind(experiment)
+    # Under a protocol DFN stays: where the salt runs out decides when a step ends.
+    if resolution == LOW_FIDELITY and kind is DrivenExperiment and cell.model == "DFN":
+        # Not every option and effect is one of SPMe.
+        with suppress(BsaError):
+            return kind(replace(cell, model="SPMe"), experiment, targets, resolution)
+    return kind(cell, experiment, targets, resolution)
 
 
 def solve_reference(

@@ -1,0 +1,84 @@
+"""A simulator's low-fidelity model behind the journal: what it simulated is not simulated again when a run resumes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, Protocol
+
+from ..comparison.residuals import residuals
+from ..encoding import decode_array, encode_array
+from ..parameters import Candidate
+from ..simulation import Outcome
+from ..task import Task
+from ..trajectory import FloatArray
+from .after_search import Watching
+from .journal import Journal
+
+LOW_FIDELITY = "low-fidelity"
+"""Event of the journal: the residuals of a candidate by the simulator's low-fidelity model."""
+
+STEPS = "next step by the low-fidelity model"
+"""What these simulations are for."""
+
+
+class Simulating(Protocol):
+    """Who has a low-fidelity model."""
+
+    def simulate_low_fidelity(self, candidates: Sequence[Candidate]) -> Iterator[tuple[int, Outcome]] | None:
+        """See `RunHooks.simulate_low_fidelity`."""
+
+
+class LowFidelitySimulations:
+    """Residuals of candidates by a low-fidelity model; see `ProposeContext.low_fidelity`.
+
+    ``earlier`` are the events of the interrupted run, if any; ``listener`` is told how many of a batch are done.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        simulating: Simulating,
+        journal: Journal,
+        earlier: Iterable[Mapping[str, Any]] = (),
+        listener: Watching | None = None,
+    ) -> None:
+        self._task, self._simulating, self._journal, self._listener = task, simulating, journal, listener
+        self._known: dict[tuple[tuple[str, float], ...], FloatArray | None] = {}
+        self.seconds = 0.0
+        """Time of all these simulations, those side by side added up, s."""
+        for event in earlier:
+            if event["event"] == LOW_FIDELITY:
+                found = event["residuals"]
+                self._take(event["candidate"], None if found is None else decode_array(found), event["seconds"])
+
+    @property
+    def simulations(self) -> int:
+        """How many of these simulations were made."""
+        return len(self._known)
+
+    @property
+    def exists(self) -> bool:
+        """Whether the simulator has such a model of the task."""
+        return self._simulating.simulate_low_fidelity([]) is not None
+
+    def __call__(self, candidates: Sequence[Candidate]) -> list[FloatArray | None]:
+        """The residuals of each, shape (m,); None for one that failed."""
+        keys = [_key(candidate) for candidate in candidates]
+        places = [place for place, key in enumerate(keys) if key not in self._known]
+        outcomes = self._simulating.simulate_low_fidelity([candidates[place] for place in places]) if places else ()
+        for done, (number, outcome) in enumerate(outcomes or (), start=1):
+            candidate, found = candidates[places[number]], residuals(self._task, outcome)
+            packed = None if found is None else encode_array(found)
+            self._journal.append(LOW_FIDELITY, candidate=dict(candidate), residuals=packed, seconds=outcome.seconds)
+            self._take(candidate, found, outcome.seconds)
+            if self._listener:
+                self._listener.counted(STEPS, done, len(places))
+        return [self._known[key] for key in keys]
+
+    def _take(self, candidate: Candidate, found: FloatArray | None, seconds: float) -> None:
+        self._known[_key(candidate)] = found
+        self.seconds += seconds
+
+
+def _key(candidate: Candidate) -> tuple[tuple[str, float], ...]:
+    return tuple(sorted(candidate.items()))
