@@ -143,7 +143,9 @@ class LeastSquares:
         self._fresh = fresh
         self._blocked = False
         self.failed: tuple[int, ...] = ()
-        self._poor_steps = self._idle_rounds = 0
+        self._poor_steps = 0
+        # Before the first Jacobian a low-fidelity model that gains nothing says nothing of Jacobians.
+        self._idle_rounds = 0 if low_fidelity is None else -1
         self._closer = False
         self._batch: list[FloatArray] = []
         self._differences: Differences | None = None
@@ -304,9 +306,9 @@ class LeastSquares:
         if self._low.suffices and (self._misses == 0 or self.cost < self._first_cost):
             self._end(self._ending_at(self._promised))
             return
-        promising, self._misses, self._led = self._promised > self._worth, 0, False
-        if promising and self._fresh:
-            # Its derivatives were those of the full model, and it has failed all the same.
+        self._misses, self._led = 0, False
+        if self._fresh:
+            # Its derivatives were those of the full model: what is left to gain, linear steps tell.
             self.stage = "step"
         else:
             self._next_round()

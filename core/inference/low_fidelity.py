@@ -25,8 +25,8 @@ LowResiduals = Callable[[Sequence[FloatArray]], Sequence[FloatArray | None]]
 _FIRST = 0.01
 """Share of the cost to which the first fit of the corrected model goes: what it is off elsewhere is not known yet."""
 
-_OF_SURPRISE = 0.1
-"""Share of the squared error of the last prediction to which a fit of the corrected model goes."""
+_OF_SURPRISE = _OF_COST = 0.1
+"""Shares of the squared error of the last prediction, and of the cost, to the lower of which later ones go."""
 
 
 class LowFidelity:
@@ -107,7 +107,7 @@ class LowFidelity:
 
     def worth(self, cost: float) -> float:
         """The cost to which a fit of the corrected model is worth its simulations, from the cost where it begins."""
-        return _FIRST * cost if self._surprise is None else _OF_SURPRISE * self._surprise
+        return _FIRST * cost if self._surprise is None else min(_OF_SURPRISE * self._surprise, _OF_COST * cost)
 
     def weigh_anew(self, factor: float) -> None:
         """Note that residuals are multiplied by a factor from now on."""
