@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from ..core.comparison.overlap import overlap_rms
+from ..core.comparison.residuals import residuals
 from ..core.parameters import Candidate
 from ..core.run.run_plugins import RunPlugins
 from ..core.simulation import Outcome, in_order
@@ -104,6 +105,20 @@ class SimulatorConformance(RunPluginConformance):
             for experiment, run in zip(task.experiments, outcome.runs, strict=True):
                 assert run.trajectory is not None
                 assert len(run.trajectory) == len(experiment.target)
+
+    def test_a_low_fidelity_model_has_the_residuals_of_the_task(
+        self, plugins: RunPlugins, task: Task, candidates: list[Candidate]
+    ) -> None:
+        """``simulate_low_fidelity`` answers as ``simulate`` does; with no candidates, whether there is such a model."""
+        if plugins.simulate_low_fidelity([]) is None:
+            return
+        found = plugins.simulate_low_fidelity(candidates)
+        assert found is not None
+        ours, full = in_order(found)[0], simulated(plugins, candidates[:1])[0]
+        one, other = residuals(task, ours), residuals(task, full)
+        assert one is not None
+        assert other is not None
+        assert one.shape == other.shape
 
     def test_the_same_reduction_is_the_same_object(self, plugins: RunPlugins) -> None:
         """What was compiled for a reduced task is kept under its identity."""

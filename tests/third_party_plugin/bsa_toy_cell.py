@@ -33,6 +33,9 @@ class ToyOptions(BaseModel, extra="forbid"):
     """How the toy misbehaves, for tests of what follows."""
 
     breaks_above_ohm: float = Field(1.0, description="Series resistance above which the solver gives up.")
+    low_fidelity: bool = Field(
+        False, description="Whether it has a low-fidelity model, which relaxes a little too fast."
+    )
 
 
 def record(candidate: Candidate, current_a: float = CURRENT_A) -> Trajectory:
@@ -91,7 +94,7 @@ class ToyCell:
     """The simulator."""
 
     def __init__(self, options: ToyOptions, context: RunContext) -> None:
-        self._breaks_above = options.breaks_above_ohm
+        self._breaks_above, self._low_fidelity = options.breaks_above_ohm, options.low_fidelity
         self._experiment = context.task.experiments[0]
         self._reduced: dict[TaskReduction, tuple[Experiment, ...]] = {}
 
@@ -100,6 +103,14 @@ class ToyCell:
         """See `RunHooks.simulate`."""
         for place, candidate in enumerate(candidates):
             yield place, Outcome((self._run(candidate, CURRENT_A),), 1e-4)
+
+    @hookimpl
+    def simulate_low_fidelity(self, candidates: Sequence[Candidate]) -> Iterator[tuple[int, Outcome]] | None:
+        """See `RunHooks.simulate_low_fidelity`; it relaxes a little too fast."""
+        if not self._low_fidelity:
+            return None
+        hasty = [{**candidate, RELAXATION: 0.9 * candidate[RELAXATION]} for candidate in candidates]
+        return self.simulate(hasty, exact=False)
 
     @hookimpl
     def simulate_variant(
