@@ -42,6 +42,44 @@ def _best(methods: dict[str, Any], name: str) -> float:
     return min(float(row[name].mean) for row in methods.values())
 
 
+def led_and_alone(results: Results) -> str:
+    """The hybrid with and without the low-fidelity model, on the same tasks in the same run."""
+    rows = results.rows("low_fidelity")
+    places = list(dict.fromkeys((row["mode"], row["chemistry"]) for row in rows))
+    lines, of = [], {words: [row for row in rows if row["method"] == method] for words, method in _LED.items()}
+    for words, mine in of.items():
+        for key, when in (("early_objective", f"after {EARLY}"), ("mape", "at the end")):
+            means = [
+                statistic([row[key] for row in mine if (row["mode"], row["chemistry"]) == at]).mean for at in places
+            ]
+            every = [row[key] for row in mine]
+            whole = [spread(every), brief(float(np.median(every))), brief(max(every))]
+            lines.append([f"{words}, {when}", *map(brief, means), *whole])
+    heads = [f"{name}, {mode}" for mode, name in places]
+    table = markdown_table(["MAPE / %", *heads, "all", "median", "worst"], lines)
+    return results.framed("low_fidelity", table, _what_it_took(of))
+
+
+_LED = {"with the low-fidelity model": "hybrid", "without": "no-low-fidelity"}
+"""Methods of the table, by what stands for them."""
+
+
+def _what_it_took(of: dict[str, list[Row]]) -> str:
+    led, alone = of.values()
+    time_s = {row["task"]: row["simulator_s"] for row in alone}
+    ratios = [row["simulator_s"] / time_s[row["task"]] for row in led]
+    with_it, low, without = (
+        float(np.median([row[key] for row in mine]))
+        for mine, key in ((led, "simulations"), (led, "low_fidelity_simulations"), (alone, "simulations"))
+    )
+    return (
+        f"* Simulations, medians of {len(led)} tasks: {with_it:.0f} and {low:.0f} by the low-fidelity model, "
+        f"{without:.0f} without.\n"
+        f"* Time of all simulations, with it to without: median {np.median(ratios):.2g}, {min(ratios):.2g} to "
+        f"{max(ratios):.2g}."
+    )
+
+
 def summary(results: Results) -> str:
     """What the main table comes to."""
     rows = results.rows("published")

@@ -126,6 +126,21 @@ def with_spectra(results: Results) -> str:
     return results.framed("impedance", table_of(results.rows("impedance"), columns, 3))
 
 
+def led_and_alone(results: Results) -> str:
+    """Simulations, their time and errors of fits of cells with and without the low-fidelity model."""
+    columns = {
+        "cell": "{cell}",
+        "low-fidelity model": "{led}",
+        "version": "{version}",
+        "simulations": "{simulations:.0f}",
+        "by the low-fidelity model": "{low_fidelity_simulations:.0f}",
+        "time of all / s": "{simulator_s:.0f}",
+        "fitted: mean rms / mV": "{fitted_mv:known}",
+        "held out: mean rms / mV": "{held_out_mv:known}",
+    }
+    return results.framed("low_fidelity_cells", table_of(results.rows("low_fidelity_cells"), columns, 3))
+
+
 def by_jacobian(results: Results) -> str:
     """Time of a few simulations without and with the full rows of the Jacobian apart."""
     columns = {
