@@ -81,6 +81,9 @@ class FadingLives:
             self.exact += exact
             yield place, outcome
 
+    def simulate_low_fidelity(self, candidates: Sequence[Candidate]) -> None:
+        return None
+
     def propose(self, context: object) -> Proposal:
         return Proposal(({"rate": 0.2, "other": 0.5},), finished=True)
 
