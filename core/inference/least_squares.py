@@ -54,9 +54,9 @@ _POOR_STEPS = 2
 """Poor steps in a row before a new Jacobian."""
 
 _MISSES, _PRICE = 3, 0.25
-"""Steps of the emulator in a row that may fail before a new Jacobian: at least so many, and this share of the number
-that a Jacobian costs. A step fails if it gains hardly anything of what was predicted, or less than is worth a
-simulation; the emulator learns from it. Twice as many change little on measured cells."""
+"""Steps of the emulator, or of the low-fidelity model, in a row that may fail before a new Jacobian: at least so many,
+and this share of the number that a Jacobian costs. A step fails if it gains hardly anything of what was predicted, or
+less than is worth a simulation; both learn from it. Twice as many change little on measured cells (emulator)."""
 
 _KNOWS_MORE = 2.0
 """Simulations, in units of those that determine a linear model, from which an emulator is asked in place of Broyden's
@@ -272,7 +272,7 @@ class LeastSquares:
             if too_short and self._idle_rounds < _IDLE_ROUNDS:
                 self.damping = self.settings.damping
             self._round_cost = self.cost
-            self._led = self._low is not None
+            self._led, self._reach = self._low is not None, self.settings.radius
             self.stage = "emulated" if self._led else "step"
 
     def _take_jacobian(self, measured: Differences) -> None:
@@ -298,7 +298,7 @@ class LeastSquares:
     def _plan_low_fidelity_step(self) -> None:
         """The next point by the low-fidelity model; without it where it promises little, or has failed too often."""
         assert self._low is not None
-        if self._misses < _MISSES:
+        if self._misses < self._most_misses:
             self._promised, led_to = self._fit_low_fidelity()
             if self._promised > self._worth:
                 self._batch = [led_to]
@@ -355,13 +355,18 @@ class LeastSquares:
     def _plan_emulated_step(self) -> None:
         """The next point by the emulator; another Jacobian where it predicts little, or has failed too often."""
         assert self._emulated is not None
-        if self._misses < max(_MISSES, _PRICE * np.count_nonzero(self._free)):
+        if self._misses < self._most_misses:
             step, self._promised = self._emulated.step(self.point, self._reach)
             if self._promised > self._worth:
                 self._batch = [self._moved(step)]
                 return
         self._misses = 0
         self._next_round()
+
+    @property
+    def _most_misses(self) -> float:
+        """Steps in a row that may fail before a new Jacobian."""
+        return max(_MISSES, _PRICE * np.count_nonzero(self._free))
 
     def _plan_last_step(self) -> None:
         """The next point where too few simulations are left for another Jacobian; none if no gain is predicted."""
