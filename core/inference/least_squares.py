@@ -10,14 +10,16 @@ an emulator of all simulations expects the least cost (`EmulatedSteps`). With tw
 as twenty such steps. After the first Jacobian, Broyden's updates are used until they fail: an emulator of so few
 simulations is hardly better.
 
-Where there is a low-fidelity model (`LowFidelity`), steps lead to where that one, corrected, expects the least cost. It
-needs no Jacobian of the full model; one is measured where such steps fail or promise nothing more.
+Where there is a low-fidelity model (`LowFidelity`), the first steps lead to where that one, corrected, expects the
+least cost. They need no Jacobian of the full model; the first one is measured where such steps gain little.
 
 References
 ----------
 Levenberg, Quart. Appl. Math. 2 (1944) 164. Marquardt, SIAM J. Appl. Math. 11 (1963) 431. Broyden, Math.
 Comp. 19 (1965) 577. Nocedal & Wright, Numerical Optimization, 2nd ed. (2006), Ch. 4, 10, 11 and Sec. 18.3.
 """
+
+from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -54,15 +56,18 @@ _POOR_STEPS = 2
 """Poor steps in a row before a new Jacobian."""
 
 _MISSES, _PRICE = 3, 0.25
-"""Steps of the emulator, or of the low-fidelity model, in a row that may fail before a new Jacobian: at least so many,
-and this share of the number that a Jacobian costs. A step fails if it gains hardly anything of what was predicted, or
-less than is worth a simulation; both learn from it. Twice as many change little on measured cells (emulator)."""
+"""Steps of the emulator in a row that may fail before a new Jacobian: at least so many, and this share of the number
+that a Jacobian costs; of the low-fidelity model the first. A step fails if it gains hardly anything of what was
+predicted, or less than is worth a simulation; both learn from it. Twice as many change little on measured cells."""
 
 _KNOWS_MORE = 2.0
 """Simulations, in units of those that determine a linear model, from which an emulator is asked in place of Broyden's
 updates. Of fewer it learns the slopes but hardly how they change, and its steps are short. A measured record of 25
 parameters ends at 18 mV in 40 simulations, with 1.5 too, and at 42 with 1; the worst of twelve published tasks ends at
 0.08 % in 100 simulations, and at 0.30 % with 1."""
+
+_LEADS = 0.1
+"""Share of the cost that a step of the low-fidelity model must gain: at less, other steps gain as much in less time."""
 
 _INNER = 4
 """Simulations of a fit of the low-fidelity model at most, in units of those that determine a linear model."""
@@ -208,7 +213,9 @@ class LeastSquares:
                 self._plan_last_step()
             if not self._batch:
                 assert self.residual is not None
-                self._differences = self._begin_differences(self.residual)
+                self._differences = Differences(
+                    self.point, self.residual, self.jacobian, self._box, self.settings, self._free, self._closer
+                )
                 self._batch = self._differences.points
                 if not self._batch:
                     self._take_jacobian(self._differences)
@@ -255,10 +262,6 @@ class LeastSquares:
 
     # --- derivatives ----------------------------------------------------------------------------------------
 
-    def _begin_differences(self, residual: FloatArray) -> Differences:
-        """Differences from residuals at the best point."""
-        return Differences(self.point, residual, self.jacobian, self._box, self.settings, self._free, self._closer)
-
     def _take_differences(self, residuals: list[FloatArray | None]) -> None:
         assert self._differences is not None
         self._differences.take(residuals)
@@ -272,8 +275,7 @@ class LeastSquares:
             if too_short and self._idle_rounds < _IDLE_ROUNDS:
                 self.damping = self.settings.damping
             self._round_cost = self.cost
-            self._led, self._reach = self._low is not None, self.settings.radius
-            self.stage = "emulated" if self._led else "step"
+            self.stage = "step"
 
     def _take_jacobian(self, measured: Differences) -> None:
         self.jacobian, self._fresh = measured.jacobian, True
@@ -298,21 +300,17 @@ class LeastSquares:
     def _plan_low_fidelity_step(self) -> None:
         """The next point by the low-fidelity model; without it where it promises little, or has failed too often."""
         assert self._low is not None
-        if self._misses < self._most_misses:
-            self._promised, led_to = self._fit_low_fidelity()
+        found = self._fit_low_fidelity() if self._misses < _MISSES else None
+        if found is not None:
+            self._promised = self.cost - found.cost
             if self._promised > self._worth:
-                self._batch = [led_to]
+                self._batch = [found.point]
                 return
-        if self._low.suffices and (self._misses == 0 or self.cost < self._first_cost):
+        if self._low.suffices and (found is not None or self.cost < self._first_cost):
             self._end(self._ending_at(self._promised))
             return
-        self._misses, self._led = 0, False
-        if self._fresh:
-            # Its derivatives were those of the full model: what is left to gain, linear steps tell.
-            self.stage = "step"
-        else:
-            self._next_round()
-        self._plan()
+        self._misses, self._led, self._reach = 0, False, self.settings.radius
+        self._next_round()
 
     def _plan_step(self) -> None:
         step = self._linear_step(self.damping)
@@ -323,21 +321,17 @@ class LeastSquares:
 
     def _leave_linear_steps(self) -> None:
         """Go on where the linear model gains no more: by an emulator, if it has seen enough simulations."""
-        if self._led or self._emulator_knows(1.0):
+        if self._emulator_knows(1.0):
             self.stage = "emulated"
         else:
             self._next_round()
 
-    def _fit_low_fidelity(self) -> tuple[float, FloatArray]:
-        """The gain that a fit of the corrected low-fidelity model predicts, and where; no gain where it fails."""
+    def _fit_low_fidelity(self) -> LeastSquares | None:
+        """A fit of the corrected low-fidelity model; None where that model fails at the best point."""
         assert self._low is not None
         assert self.residual is not None
-        usable = self._low.learn(self.point, self.residual)
-        if usable and self._fresh:
-            assert self.jacobian is not None
-            usable = self._low.learn_slopes(self.jacobian, self._begin_differences)
-        if not usable:
-            return 0.0, self.point
+        if not self._low.learn(self.point, self.residual):
+            return None
         near = replace(
             self._box,
             lower=np.maximum(self._box.lower, self.point - self._reach),
@@ -350,23 +344,18 @@ class LeastSquares:
         )
         solve(inner, self._low.corrected, _INNER * (int(np.count_nonzero(self._free)) + 1))
         self._low.jacobian = inner.jacobian
-        return self.cost - inner.cost, inner.point
+        return inner
 
     def _plan_emulated_step(self) -> None:
         """The next point by the emulator; another Jacobian where it predicts little, or has failed too often."""
         assert self._emulated is not None
-        if self._misses < self._most_misses:
+        if self._misses < max(_MISSES, _PRICE * np.count_nonzero(self._free)):
             step, self._promised = self._emulated.step(self.point, self._reach)
             if self._promised > self._worth:
                 self._batch = [self._moved(step)]
                 return
         self._misses = 0
         self._next_round()
-
-    @property
-    def _most_misses(self) -> float:
-        """Steps in a row that may fail before a new Jacobian."""
-        return max(_MISSES, _PRICE * np.count_nonzero(self._free))
 
     def _plan_last_step(self) -> None:
         """The next point where too few simulations are left for another Jacobian; none if no gain is predicted."""
@@ -394,7 +383,8 @@ class LeastSquares:
         if self._led:
             assert self._low is not None
             self._low.learn(point, residual)
-        self._misses = self._misses + 1 if gained <= max(self._worth, _POOR * self._promised) else 0
+        least = max(self._worth, _POOR * self._promised, _LEADS * self.cost if self._led else 0.0)
+        self._misses = self._misses + 1 if gained <= least else 0
         if residual is None or (self._led and gained <= 0):
             # An emulator learns nothing from a failure: it would go there again.
             self._misses = self._misses if self._led else len(self.point)

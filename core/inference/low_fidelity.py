@@ -2,14 +2,12 @@
 
 Such a model is off by far more than a fit ends at, but by nearly the same at neighbouring points. A fit of the
 corrected model, which takes a share of the time, so leads near to where the fit of the full one ends. How far the model
-is off, and how that changes, is learnt from the points that both have simulated, by Broyden's updates, and from
-Jacobians of the full model.
+is off, and how that changes, is learnt from the points that both have simulated, by Broyden's updates.
 
 References
 ----------
 Bandler et al., IEEE Trans. Microw. Theory Tech. 43 (1995) 2874 (aggressive space mapping). Alexandrov et al., J.
-Aircraft 38 (2001) 1093 (approximation management). Echeverria & Hemker, Comput. Methods Appl. Math. 5 (2005) 107
-(manifold mapping).
+Aircraft 38 (2001) 1093 (approximation management).
 """
 
 from collections.abc import Callable, Sequence
@@ -17,7 +15,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ..trajectory import FloatArray
-from .differences import Differences
 
 LowResiduals = Callable[[Sequence[FloatArray]], Sequence[FloatArray | None]]
 """Residuals of points of shape (p,) by a low-fidelity model, each of shape (m,); None for one that failed."""
@@ -37,7 +34,7 @@ class LowFidelity:
     residuals : callable
         Residuals of points by the low-fidelity model.
     suffices : bool
-        Whether a fit may end where this model predicts no more gain. If not, a full Jacobian decides.
+        Whether a fit ends where this model leads no further. If not, it goes on without this model.
 
     Attributes
     ----------
@@ -73,21 +70,6 @@ class LowFidelity:
             self._correct(np.outer(surprise, moved) / float(moved @ moved))
         self._learnt.add(point.tobytes())
         self._point, self._off = point, off
-        return True
-
-    def learn_slopes(self, jacobian: FloatArray, differences: Callable[[FloatArray], Differences]) -> bool:
-        """Take in the full model's Jacobian, shape (m, p), at the last point; whether its own could be had.
-
-        ``differences(residual)`` begins the differences from the residuals at that point.
-        """
-        (here,) = self._low([self._point])
-        assert here is not None
-        own = differences(here)
-        while points := own.points:
-            own.take(self._low(points))
-        if own.failed:
-            return False
-        self._correction, self.jacobian = jacobian - own.jacobian, jacobian
         return True
 
     def corrected(self, points: Sequence[FloatArray]) -> list[FloatArray | None]:

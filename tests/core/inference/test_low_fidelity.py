@@ -5,8 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from bsa.core.inference.differences import Differences
-from bsa.core.inference.fit_settings import Box, Settings
+from bsa.core.inference.fit_settings import Settings
 from bsa.core.inference.least_squares import LeastSquares, solve
 from bsa.core.inference.low_fidelity import LowFidelity
 from bsa.core.trajectory import FloatArray
@@ -62,24 +61,6 @@ def test_it_agrees_with_the_full_model_where_both_have_simulated(seed: int, coun
     for point in (one, other):
         (corrected,) = model.corrected([point])
         assert corrected == pytest.approx(full(point), abs=1e-9)
-
-
-def test_it_has_the_slopes_of_the_full_model_once_these_are_known() -> None:
-    full, low, target = models(3, 4, 2.0)
-    model, _ = led_by(low)
-    box, free, steps = Box.unit(4), np.ones(4, dtype=bool), Settings(difference=1e-5)
-
-    def differences(residual: FloatArray) -> Differences:
-        return Differences(target, residual, None, box, steps, free)
-
-    own = differences(full(target))
-    own.take([full(point) for point in own.points])
-    assert model.learn(target, full(target))
-    assert model.learn_slopes(own.jacobian, differences)
-    near = target + 1e-4
-    (corrected,) = model.corrected([near])
-    assert corrected is not None
-    assert np.linalg.norm(corrected - full(near)) < 1e-3 * np.linalg.norm(full(near) - full(target))
 
 
 def test_a_point_is_simulated_once() -> None:
