@@ -50,7 +50,6 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "real-cells": real_cells.fitted_and_held_out,
     "knees": real_cells.by_weight,
     "jacobian": real_cells.by_jacobian,
-    "low-fidelity-early": published.led_early,
     "low-fidelity": published.led_and_alone,
     "low-fidelity-cells": real_cells.led_and_alone,
     "nearest-potentials": real_cells.by_potentials,

@@ -42,49 +42,18 @@ def _best(methods: dict[str, Any], name: str) -> float:
     return min(float(row[name].mean) for row in methods.values())
 
 
-def led_early(results: Results) -> str:
-    """Errors after few simulations with the low-fidelity model, beside those of the same tasks in the main table."""
-    led = results.rows("low_fidelity_early")
-    alone = {row["task"]: row for row in results.rows("published")}
-    theirs = paper_rows()
-    lines = []
-    for mode, name in dict.fromkeys((row["mode"], row["chemistry"]) for row in led):
-        mine = [row for row in led if (row["mode"], row["chemistry"]) == (mode, name)]
-        before, after = [alone[row["task"]]["early_objective"] for row in mine], _errors(mine)
-        best = brief(_best(theirs[mode], name))
-        lines.append([f"{name}, {mode}", str(len(mine)), spread(before), spread(after), brief(max(after)), f"*{best}*"])
-    before, after = [alone[row["task"]]["early_objective"] for row in led], _errors(led)
-    heads = ["base cell", "tasks", "without / %", "with / %", "worst with / %", "*the paper's best row / %*"]
-    medians = brief(float(np.median(before))), brief(float(np.median(after)))
-    spent = (float(np.median([row[key] for row in led])) for key in ("simulations", "low_fidelity_simulations"))
-    told = (
-        f"All {len(led)}: mean {spread(before)} without and {spread(after)} with it, median {medians[0]} and "
-        f"{medians[1]}; {_under(led, 0.1)} end below 0.1 %. Simulations, median: {next(spent):.0f}, and "
-        f"{next(spent):.0f} by the low-fidelity model."
-    )
-    return results.framed("low_fidelity_early", markdown_table(heads, lines), told)
-
-
 def led_and_alone(results: Results) -> str:
-    """The hybrid with and without the low-fidelity model to its end, on the same tasks in the same run."""
+    """The hybrid with and without the low-fidelity model, on the same tasks."""
     columns = {
         "task": "{task}",
         "scaffold": "{method}",
-        "after 20 / %": "{early_objective:.2g}",
-        "at the end / %": "{mape:.2g}",
+        "after 20 simulations / %": "{early_objective:brief}",
+        "at the end / %": "{mape:brief}",
         "simulations": "{simulations:.0f}",
         "by the low-fidelity model": "{low_fidelity_simulations:.0f}",
         "time of all / s": "{simulator_s:.0f}",
     }
-    rows = results.rows("low_fidelity")
-    time_s = {(row["task"], row["method"]): row["simulator_s"] for row in rows}
-    tasks = dict.fromkeys(row["task"] for row in rows)
-    ratios = [time_s[task, "hybrid"] / time_s[task, "no-low-fidelity"] for task in tasks]
-    told = (
-        f"Time with the low-fidelity model to time without, {len(ratios)} tasks: median {np.median(ratios):.2g}, "
-        f"{min(ratios):.2g} to {max(ratios):.2g}."
-    )
-    return results.framed("low_fidelity", table_of(rows, columns, 2), told)
+    return results.framed("low_fidelity", table_of(results.rows("low_fidelity"), columns, 2))
 
 
 def summary(results: Results) -> str:
