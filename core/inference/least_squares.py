@@ -36,7 +36,7 @@ from .emulated_steps import EmulatedSteps
 from .fit_settings import Box, Settings
 from .low_fidelity import LowFidelity
 
-Stage = Literal["start", "jacobian", "step", "emulated", "done"]
+Stage = Literal["start", "low-fidelity", "jacobian", "step", "emulated", "done"]
 
 Ending = Literal["", "failed", "perfect", "noise", "misfit", "no progress", "blocked"]
 """Why a fit has ended: its start failed; it is as good as perfect; the next step would gain less than the noise hides;
@@ -116,7 +116,7 @@ class LeastSquares:
         What is known of the derivatives at the best point; None before the first batch.
     damping : float
         Damping of the steps; large where the linear model has predicted badly.
-    stage : {'start', 'jacobian', 'step', 'emulated', 'done'}
+    stage : {'start', 'low-fidelity', 'jacobian', 'step', 'emulated', 'done'}
         What the next batch is for.
     failed : tuple of int
         Coordinates of which no neighbour could be simulated for the last Jacobian; a fit leaves them where they are.
@@ -161,7 +161,7 @@ class LeastSquares:
         self._misses = 0
         self._promised = 0.0
         self._reach = self.settings.radius
-        self._low, self._led = low_fidelity, low_fidelity is not None
+        self._low = low_fidelity
         self._emulated: EmulatedSteps | None = None
         if self.settings.emulates:
             self._emulated = EmulatedSteps(self._box, self._free, self.settings.noise)
@@ -187,11 +187,6 @@ class LeastSquares:
     def predicted(self) -> float:
         """Predicted gain in cost of a full step; infinite unless the Jacobian was measured at the best point."""
         return self._full_gain if self._fresh and not self._blocked else np.inf
-
-    @property
-    def led(self) -> bool:
-        """Whether the low-fidelity model says the next step."""
-        return self.stage == "emulated" and self._led
 
     @property
     def done(self) -> bool:
@@ -242,15 +237,20 @@ class LeastSquares:
             self._take_step(batch[0], usable[0])
         elif self.stage == "emulated":
             self._take_emulated_step(batch[0], usable[0])
+        elif self.stage == "low-fidelity":
+            self._take_low_fidelity_step(batch[0], usable[0])
         else:
             self._take_differences(usable)
         self._plan()
 
     def _begin(self) -> None:
         self._first_cost = self._round_cost = self.cost
-        self.stage = "emulated" if self._led else "jacobian" if self.jacobian is None else "step"
         if self.residual is None:
             self._end("failed")
+        elif self._low is not None:
+            self.stage = "low-fidelity"
+        else:
+            self.stage = "jacobian" if self.jacobian is None else "step"
 
     def renew_jacobian(self) -> None:
         """Ask for a new Jacobian next, whatever gain the present one predicts."""
@@ -285,16 +285,16 @@ class LeastSquares:
 
     def _plan(self) -> None:
         """Decide what comes next, so that it is known before it is asked for whether that is a new Jacobian."""
-        if self.stage in ("step", "emulated") and self._perfect():
+        if self.stage in ("low-fidelity", "step", "emulated") and self._perfect():
             self._end("perfect")
         if self.stage == "step":
             self._plan_step()
-        if self.stage == "emulated" and not self._led:
+        if self.stage == "emulated":
             self._plan_emulated_step()
 
     def plan(self) -> None:
         """Settle what comes next where the low-fidelity model has to be simulated for that; nothing elsewhere."""
-        if self.stage == "emulated" and self._led and not self._batch:
+        if self.stage == "low-fidelity" and not self._batch:
             self._plan_low_fidelity_step()
 
     def _plan_low_fidelity_step(self) -> None:
@@ -309,7 +309,7 @@ class LeastSquares:
         if self._low.suffices and (found is not None or self.cost < self._first_cost):
             self._end(self._ending_at(self._promised))
             return
-        self._misses, self._led, self._reach = 0, False, self.settings.radius
+        self._misses, self._reach = 0, self.settings.radius
         self._next_round()
 
     def _plan_step(self) -> None:
@@ -379,32 +379,43 @@ class LeastSquares:
         return np.clip(self.point + step, self._box.lower, self._box.upper)
 
     def _take_emulated_step(self, point: FloatArray, residual: FloatArray | None) -> None:
-        gained = -np.inf if residual is None else self.cost - self._cost_of(residual, point)
-        if self._led:
-            assert self._low is not None
-            self._low.learn(point, residual)
-        least = max(self._worth, _POOR * self._promised, _LEADS * self.cost if self._led else 0.0)
-        self._misses = self._misses + 1 if gained <= least else 0
-        if residual is None or (self._led and gained <= 0):
+        assert self._emulated is not None
+        gained = self._gained(point, residual)
+        self._misses = self._misses + 1 if gained <= max(self._worth, _POOR * self._promised) else 0
+        if residual is None:
             # An emulator learns nothing from a failure: it would go there again.
-            self._misses = self._misses if self._led else len(self.point)
-            self._reach = 0.5 * float(np.max(np.abs(point - self.point)))
+            self._misses = len(self.point)
+            self._reach = self._half_as_far(point)
         else:
             self._reach = min(2.0 * self._reach, self.settings.radius)
         if residual is not None and gained > 0:
-            self.point, self.residual = point, residual
-            self.jacobian = self._derivatives(point)
-            self._fresh = False
-            self.damping = self._known_damping = self.settings.damping
+            self._go_on_from(point, residual, self._emulated.derivatives(point))
 
-    def _derivatives(self, point: FloatArray) -> FloatArray:
-        """Derivatives at a point by what led there."""
-        if self._led:
-            assert self._low is not None
-            assert self._low.jacobian is not None
-            return self._low.jacobian
-        assert self._emulated is not None
-        return self._emulated.derivatives(point)
+    def _take_low_fidelity_step(self, point: FloatArray, residual: FloatArray | None) -> None:
+        assert self._low is not None
+        self._low.learn(point, residual)
+        gained = self._gained(point, residual)
+        least = max(self._worth, _POOR * self._promised, _LEADS * self.cost)
+        self._misses = self._misses + 1 if gained <= least else 0
+        if residual is None or gained <= 0:
+            self._reach = self._half_as_far(point)
+            return
+        assert self._low.jacobian is not None
+        self._reach = min(2.0 * self._reach, self.settings.radius)
+        self._go_on_from(point, residual, self._low.jacobian.copy())
+
+    def _gained(self, point: FloatArray, residual: FloatArray | None) -> float:
+        """By how much the cost falls at a point; minus infinity where it failed."""
+        return -np.inf if residual is None else self.cost - self._cost_of(residual, point)
+
+    def _half_as_far(self, point: FloatArray) -> float:
+        """Half of the longest step of a coordinate to a point."""
+        return 0.5 * float(np.max(np.abs(point - self.point)))
+
+    def _go_on_from(self, point: FloatArray, residual: FloatArray, jacobian: FloatArray) -> None:
+        """Take a better point, with derivatives that were not measured there."""
+        self.point, self.residual, self.jacobian, self._fresh = point, residual, jacobian, False
+        self.damping = self._known_damping = self.settings.damping
 
     def _linear_step(self, damping: float) -> FloatArray:
         jacobian, residual = self._linear_model()
@@ -461,8 +472,7 @@ class LeastSquares:
     def _take_step(self, point: FloatArray, residual: FloatArray | None) -> None:
         assert self.residual is not None
         assert self.jacobian is not None
-        step = point - self.point
-        gained = -np.inf if residual is None else self.cost - self._cost_of(residual, point)
+        step, gained = point - self.point, self._gained(point, residual)
         ratio = gained / max(self._predicted_gain(step), 1e-300)
         fresh, failed = self._fresh, gained <= 0
         if failed:

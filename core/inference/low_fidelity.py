@@ -1,8 +1,8 @@
-"""A low-fidelity model that leads a fit: a coarse mesh, or a reduced-order model, corrected by what it is off.
+"""A low-fidelity model that leads a fit: a coarse mesh, or a reduced-order model, corrected by its error.
 
-Such a model is off by far more than a fit ends at, but by nearly the same at neighbouring points. A fit of the
-corrected model, which takes a share of the time, so leads near to where the fit of the full one ends. How far the model
-is off, and how that changes, is learnt from the points that both have simulated, by Broyden's updates.
+The error of such a model is far larger than the misfit that a fit ends at, but nearly the same at neighbouring points.
+A fit of the corrected model takes a share of the time, and ends near to where the fit of the full one does. The error,
+and how it changes, is learnt from the points that both models have simulated, by Broyden's updates.
 
 References
 ----------
@@ -20,9 +20,9 @@ LowResiduals = Callable[[Sequence[FloatArray]], Sequence[FloatArray | None]]
 """Residuals of points of shape (p,) by a low-fidelity model, each of shape (m,); None for one that failed."""
 
 _FIRST = 0.01
-"""Share of the cost to which the first fit of the corrected model goes: what it is off elsewhere is not known yet."""
+"""Share of the cost to which the first fit of the corrected model goes: its error elsewhere is not known yet."""
 
-_OF_SURPRISE = _OF_COST = 0.1
+_OF_ERROR = _OF_COST = 0.1
 """Shares of the squared error of the last prediction, and of the cost, to the lower of which later ones go."""
 
 
@@ -47,9 +47,11 @@ class LowFidelity:
         self.suffices = suffices
         self._seen: dict[bytes, FloatArray | None] = {}
         self._learnt: set[bytes] = set()  # Where the full model has simulated too.
-        self._point = self._off = np.zeros(0)  # How far the model is off at a point.
-        self._correction: FloatArray | None = None  # How that changes.
-        self._surprise: float | None = None  # Squared error of the last prediction.
+        self._point = self._error = np.zeros(
+            0
+        )  # What the full model's residuals are less those of this one, at a point.
+        self._correction: FloatArray | None = None  # Derivatives of that error.
+        self._missed: float | None = None  # Squared error of the last prediction.
         self.jacobian: FloatArray | None = None
 
     def learn(self, point: FloatArray, residual: FloatArray | None) -> bool:
@@ -60,23 +62,23 @@ class LowFidelity:
         here = None if residual is None else self._low([point])[0]
         if residual is None or here is None:
             return False
-        off = residual - here
+        error = residual - here
         if self._correction is None:
-            self._correction = np.zeros((len(off), len(point)))
+            self._correction = np.zeros((len(error), len(point)))
         elif point.tobytes() not in self._learnt:
             moved = point - self._point
-            surprise = off - self._off - self._correction @ moved
-            self._surprise = float(surprise @ surprise)
-            self._correct(np.outer(surprise, moved) / float(moved @ moved))
+            missed = error - self._error - self._correction @ moved
+            self._missed = float(missed @ missed)
+            self._correct(np.outer(missed, moved) / float(moved @ moved))
         self._learnt.add(point.tobytes())
-        self._point, self._off = point, off
+        self._point, self._error = point, error
         return True
 
     def corrected(self, points: Sequence[FloatArray]) -> list[FloatArray | None]:
         """Residuals by the corrected model; None for a point that failed."""
         assert self._correction is not None
         return [
-            None if low is None else low + self._off + self._correction @ (point - self._point)
+            None if low is None else low + self._error + self._correction @ (point - self._point)
             for point, low in zip(points, self._low(points), strict=True)
         ]
 
@@ -89,14 +91,14 @@ class LowFidelity:
 
     def worth(self, cost: float) -> float:
         """The cost to which a fit of the corrected model is worth its simulations, from the cost where it begins."""
-        return _FIRST * cost if self._surprise is None else min(_OF_SURPRISE * self._surprise, _OF_COST * cost)
+        return _FIRST * cost if self._missed is None else min(_OF_ERROR * self._missed, _OF_COST * cost)
 
     def weigh_anew(self, factor: float) -> None:
         """Note that residuals are multiplied by a factor from now on."""
-        self._off = factor * self._off
+        self._error = factor * self._error
         self._seen = {place: None if seen is None else factor * seen for place, seen in self._seen.items()}
         self._correction = None if self._correction is None else factor * self._correction
-        self._surprise = None if self._surprise is None else factor**2 * self._surprise
+        self._missed = None if self._missed is None else factor**2 * self._missed
         self.jacobian = None if self.jacobian is None else factor * self.jacobian
 
     def _correct(self, change: FloatArray) -> None:

@@ -136,7 +136,6 @@ class Run:
         self._earlier_s = spent_s(earlier)
         self._analysing = analysing
         self._low_fidelity = LowFidelitySimulations(task, plugins, journal, earlier, listener)
-        self._has_low_fidelity = self._low_fidelity.exists
         self._after = AfterSearch(task, plugins, journal, earlier, listener)
         self._trials: list[Trial] = []
         self._lacking = self._advice = ""
@@ -223,7 +222,7 @@ class Run:
             simulations_left=simulations_left,
             recall=self._plugins.recall,
             equilibrium=self._plugins.equilibrium,
-            low_fidelity=self._low_fidelity if self._has_low_fidelity else None,
+            low_fidelity=self._low_fidelity if self._low_fidelity.exists else None,
         )
 
     def _take(self, proposal: Proposal, phase: Phase, number: int) -> None:

@@ -44,6 +44,8 @@ class LowFidelitySimulations:
     ) -> None:
         self._task, self._simulating, self._journal, self._listener = task, simulating, journal, listener
         self._known: dict[tuple[tuple[str, float], ...], FloatArray | None] = {}
+        self.exists = simulating.simulate_low_fidelity([]) is not None
+        """Whether the simulator has such a model of the task."""
         self.seconds = 0.0
         """Time of all these simulations, those side by side added up, s."""
         for event in earlier:
@@ -55,11 +57,6 @@ class LowFidelitySimulations:
     def simulations(self) -> int:
         """How many of these simulations were made."""
         return len(self._known)
-
-    @property
-    def exists(self) -> bool:
-        """Whether the simulator has such a model of the task."""
-        return self._simulating.simulate_low_fidelity([]) is not None
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[FloatArray | None]:
         """The residuals of each, shape (m,); None for one that failed."""

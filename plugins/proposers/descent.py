@@ -63,20 +63,22 @@ _STEPS_WORTH = 6
 """Simulations beyond a Jacobian without which a restart cannot get anywhere."""
 
 
-LOW_FIDELITY: bool = Field(
-    True,
-    description="Whether the simulator's low-fidelity model, if it has one, leads the way as long as that gains.",
-)
+class LedOptions(BaseModel, extra="forbid"):
+    """Whether a fit is led by a low-fidelity model."""
+
+    low_fidelity: bool = Field(
+        True,
+        description="Whether the simulator's low-fidelity model, if it has one, leads the way as long as that gains.",
+    )
 
 
-class DescentOptions(BaseModel, extra="forbid"):
+class DescentOptions(LedOptions):
     """How the numerical fit proceeds."""
 
     difference: float = Field(
         0.007, gt=0, le=0.2, description="Finite-difference step, as a share of each parameter's range."
     )
     radius: float = Field(0.3, gt=0, le=2, description="Longest step of a parameter, as a share of its range.")
-    low_fidelity: bool = LOW_FIDELITY
     restarts: int = Field(2, ge=0, description="How often to begin elsewhere when the fit ends far from the record.")
 
 
@@ -192,12 +194,12 @@ class Descent:
     @property
     def emulated_next(self) -> bool:
         """Whether the candidate asked for is an emulator's."""
-        return self._search is not None and self._search.stage == "emulated" and not self._search.led
+        return self._search is not None and self._search.stage == "emulated"
 
     @property
     def low_fidelity_next(self) -> bool:
         """Whether the candidate asked for is the low-fidelity model's."""
-        return self._search is not None and self._search.led
+        return self._search is not None and self._search.stage == "low-fidelity"
 
     def ask(self, limit: int, planning_budget: int | None = None) -> list[Candidate]:
         """What to simulate next, at most ``limit`` candidates; empty when done.
@@ -374,5 +376,5 @@ class Descent:
 
 
 def _comes_to_another_jacobian(search: LeastSquares | None) -> TypeGuard[LeastSquares]:
-    """Whether a fit has spent one simulated Jacobian, and is about to simulate another."""
+    """Whether a fit that has taken steps on derivatives is about to simulate a Jacobian."""
     return search is not None and search.stage == "jacobian" and search.jacobian is not None

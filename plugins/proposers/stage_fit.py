@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -191,11 +192,10 @@ class StageFit(Stage):
         self._told_so_far = list(earlier)
         self._first_cycle = _first_cycle_of(task) if choice.data == "first-cycle" else None
         self.reduction = self._first_cycle
-        self._simulate_low_fidelity = low_fidelity
-        # A first cycle alone is another task than what the low-fidelity model simulates.
-        used = low_fidelity is not None and self._first_cycle is None
-        # What such a model leaves is mended by the stages after this one.
-        self._low_fidelity = LowFidelity(self._low_residuals, suffices=choice.share < 1.0) if used else None
+        self._low_fidelity: LowFidelity | None = None
+        if low_fidelity is not None:
+            # What such a model leaves is mended by the stages after this one.
+            self._low_fidelity = LowFidelity(partial(self._low_residuals, low_fidelity), suffices=choice.share < 1.0)
         self._search = self._from_here()
         self._scan = self._spread(choice.scan)
 
@@ -233,9 +233,9 @@ class StageFit(Stage):
         low = self._low_fidelity
         return LeastSquares(point, residual, SETTINGS, self._free, jacobian, self._box(), fresh, earlier, low)
 
-    def _low_residuals(self, points: Sequence[FloatArray]) -> list[FloatArray | None]:
-        assert self._simulate_low_fidelity is not None
-        found = self._simulate_low_fidelity([self._space.at(point) for point in points])
+    def _low_residuals(self, model: LowFidelityResiduals, points: Sequence[FloatArray]) -> list[FloatArray | None]:
+        """The view's residuals by a low-fidelity model, in standard deviations."""
+        found = model([self._space.at(point) for point in points])
         return [None if residual is None else self._view(residual) / self._noise for residual in found]
 
     def _told(self, jacobian: FloatArray) -> NDArray[np.bool_]:
@@ -275,7 +275,7 @@ class StageFit(Stage):
             return "all cycles where it ended"
         if self._scan:
             return f"{len(self._scan)} values over the ranges of those without a prior"
-        if self._search.led:
+        if self._search.stage == "low-fidelity":
             return "a step by the low-fidelity model"
         return "an emulator's step" if self._search.stage == "emulated" else super()._method
 

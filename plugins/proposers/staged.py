@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 
 from ...core.errors import did_you_mean
 from ...core.hooks import ProposeContext, RunContext, hookimpl
 from ...core.parameters import Candidate
 from ...core.proposal import LACKING, Proposal
 from ...core.trial import Trial
-from .descent import LOW_FIDELITY, Descent, DescentOptions
+from .descent import Descent, DescentOptions, LedOptions
 from .equilibrium_fit import EquilibriumFit
 from .least_squares import next_proposal
 from .stage_data import view_of
@@ -22,7 +22,7 @@ _FEWEST_STEPS = 3
 """Steps after a Jacobian without which a stage is not worth its simulations."""
 
 
-class StagedOptions(BaseModel, extra="forbid"):
+class StagedOptions(LedOptions):
     """Which stages there are, and their order."""
 
     stages: list[StageChoice] = Field(
@@ -30,7 +30,6 @@ class StagedOptions(BaseModel, extra="forbid"):
         min_length=1,
         description="The stages, in the order of the rules; one fit of everything if left out.",
     )
-    low_fidelity: bool = LOW_FIDELITY
     order: list[str] = Field(
         default_factory=list,
         description="Names of the stages that run, in this order; one can be repeated or left out. All if empty.",
@@ -61,7 +60,7 @@ class StagedProposer:
 
     def __init__(self, options: StagedOptions, context: RunContext) -> None:
         self._plan = options.plan
-        self._options = options
+        self._led = options.low_fidelity
         self._seed = context.seed
         self._descent: Descent | None = None
         self._here: Trial | None = None
@@ -161,9 +160,10 @@ class StagedProposer:
         start = self._start(context, choice)
         if choice.data == "open-circuit" and context.equilibrium([start.candidate]) is not None:
             return EquilibriumFit(context.task, choice, view, free, start, budget, context.equilibrium), ""
-        low = context.low_fidelity if self._options.low_fidelity else None
-        # Without a low-fidelity model, derivatives are simulations of the search.
-        needed = _FEWEST_STEPS + (int(np.count_nonzero(free)) if low is None or choice.data == "first-cycle" else 0)
+        # A first cycle alone is another task than what the low-fidelity model simulates.
+        low = context.low_fidelity if self._led and choice.data != "first-cycle" else None
+        # Without such a model, derivatives are simulations of the search.
+        needed = _FEWEST_STEPS + (int(np.count_nonzero(free)) if low is None else 0)
         if budget < needed:
             return None, self._too_few(choice, int(np.count_nonzero(free)), needed, context)
         return StageFit(context.task, choice, view, free, start, budget, context.trials, low), ""

@@ -13,14 +13,9 @@ from ....core.task import CellModel, Experiment
 from ..modelling.resolution import FINE, LOW_FIDELITY, REFERENCE, SEARCH, Resolution
 from .processes import Pool, Report
 
-_FIRST_ALLOWANCE = 2.0
-"""The low-fidelity model is compiled with its first candidate, which may take so many times as long."""
-
-_REFERENCE_ALLOWANCE = 10.0
-"""A reference solve builds its model anew, on a finer mesh at tighter tolerances: it may take this much longer."""
-
-
-_ALLOWANCE = {SEARCH: 1.0, LOW_FIDELITY: _FIRST_ALLOWANCE}
+_ALLOWANCES = {SEARCH: 1.0, LOW_FIDELITY: 2.0, REFERENCE: 10.0, FINE: 10.0}
+"""How many times as long as in a search a simulation may take. The low-fidelity model is compiled with its first
+candidate; a reference solve builds its model anew, on a finer mesh at tighter tolerances."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +39,9 @@ class CandidateService:
         from ..cells.parameter_sets import pybamm
 
         pybamm.set_logging_level("CRITICAL")
-        self._at(SEARCH)
+        self._experiments_at(SEARCH)
 
-    def _at(self, resolution: Resolution) -> list[Any]:
+    def _experiments_at(self, resolution: Resolution) -> list[Any]:
         """The experiments, compiled once, at the accuracy of the search, or of the low-fidelity model."""
         from ..solving.experiment_kinds import compiled
 
@@ -82,7 +77,7 @@ class CandidateService:
             change = change_of(self._assignment.targets, candidate)
             experiment = self._assignment.experiments[number]
             return solve_reference(self._assignment.cell, experiment, change, resolution, on_step)
-        run: ExperimentRun = self._at(resolution)[number].solve(candidate, on_step)
+        run: ExperimentRun = self._experiments_at(resolution)[number].solve(candidate, on_step)
         return run
 
     def lost(self, cause: str, seconds: float, reported: Any) -> Outcome:
@@ -130,7 +125,7 @@ class WorkerPool:
 
     def _at(self, resolution: Resolution, candidates: Sequence[Candidate]) -> Iterator[tuple[int, Outcome]]:
         jobs = [(dict(candidate), resolution) for candidate in candidates]
-        return self.processes.run(jobs, _ALLOWANCE.get(resolution, _REFERENCE_ALLOWANCE))
+        return self.processes.run(jobs, _ALLOWANCES[resolution])
 
     def close(self) -> None:
         """End all processes."""

@@ -20,10 +20,10 @@ Simulated = CompiledExperiment | DrivenExperiment | LongExperiment | SpectrumExp
 def compiled(
     cell: CellModel, experiment: Experiment, targets: Mapping[str, Target], resolution: Resolution = SEARCH
 ) -> Simulated:
-    """An experiment that can be solved for many candidates, as in a search or by its low-fidelity model."""
+    """An experiment that can be solved for many candidates, as in a search or by the low-fidelity model of a DFN."""
     kind = _kind(experiment)
     # Under a protocol DFN stays: where the salt runs out decides when a step ends.
-    if resolution == LOW_FIDELITY and kind is DrivenExperiment and cell.model == "DFN":
+    if resolution == LOW_FIDELITY and kind is DrivenExperiment:
         # Not every option and effect is one of SPMe.
         with suppress(BsaError):
             return kind(replace(cell, model="SPMe"), experiment, targets, resolution)

@@ -17,8 +17,8 @@ seeds = st.integers(0, 2**32 - 1)
 Residuals = Callable[[FloatArray], FloatArray]
 
 
-def models(seed: int, count: int, off: float, rows: int = 40) -> tuple[Residuals, Residuals, FloatArray]:
-    """A bent model, one that is ``off`` in its values and by a tenth of that in its slopes, and the solution."""
+def models(seed: int, count: int, error: float, rows: int = 40) -> tuple[Residuals, Residuals, FloatArray]:
+    """A non-linear model, one with an error of this size in values and a tenth of it in slopes, and the solution."""
     rng = np.random.default_rng(seed)
     matrix, target = rng.normal(size=(rows, count)), rng.uniform(0.3, 0.7, count)
     shift, tilt, phase = rng.normal(size=rows), rng.normal(size=(rows, count)), rng.uniform(0.0, 6.0, rows)
@@ -28,7 +28,7 @@ def models(seed: int, count: int, off: float, rows: int = 40) -> tuple[Residuals
         return 10.0 * (np.sin(1.5 * matrix @ x + phase) - at_target)
 
     def low(x: FloatArray) -> FloatArray:
-        return full(x) + off * (shift + 0.1 * tilt @ x)
+        return full(x) + error * (shift + 0.1 * tilt @ x)
 
     return full, low, target
 
@@ -52,8 +52,8 @@ def fitted(full: Residuals, start: FloatArray, model: LowFidelity | None, budget
 
 @given(seeds, st.integers(1, 6), st.floats(0.0, 3.0))
 @settings(max_examples=30, deadline=None)
-def test_it_agrees_with_the_full_model_where_both_have_simulated(seed: int, count: int, off: float) -> None:
-    full, low, target = models(seed, count, off)
+def test_it_agrees_with_the_full_model_where_both_have_simulated(seed: int, count: int, error: float) -> None:
+    full, low, target = models(seed, count, error)
     model, _ = led_by(low)
     one, other = target + 0.1, target - 0.05
     assert model.learn(one, full(one))
@@ -133,7 +133,7 @@ def test_nothing_is_simulated_before_a_step_is_asked_for() -> None:
     full, low, target = models(11, 3, 1.0)
     model, batches = led_by(low)
     search = LeastSquares(target + 0.05, full(target + 0.05), low_fidelity=model)
-    assert search.led
+    assert search.stage == "low-fidelity"
     assert batches == []
     search.ask()
     assert batches
