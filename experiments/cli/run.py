@@ -298,7 +298,7 @@ def _resume_command(folder: Path, identifiability: bool = True) -> str:
 
 def _how_to_go_on(result: RunResult, config: RunConfig, folder: Path, identifiability: bool) -> Iterator[str]:
     """How a search or an analysis goes on with twice its budget, and what finds out what was not looked for."""
-    from ..report.post_fit import needs_more
+    from ..report.post_fit import ended_by_itself, needs_more
 
     if result.status in STOPPED or result.cut_short:
         return
@@ -306,7 +306,7 @@ def _how_to_go_on(result: RunResult, config: RunConfig, folder: Path, identifiab
         by_rounds = result.status == "rounds-spent"
         more = f"--rounds {2 * config.rounds or 1}" if by_rounds else f"--simulations {2 * config.simulations}"
         yield f"To search on: {_resume_command(folder, identifiability)} {more}"
-    elif result.analysis is not None and needs_more(result.analysis):
+    elif result.analysis is not None and needs_more(result.analysis, ended_by_itself(result.status, result.reason)):
         yield f"To go on with more simulations: {_resume_command(folder)} --simulations {2 * config.simulations}"
     if not identifiability and len(result.trials) > 1:
         yield f"What the record fixes was not looked for; to find out: {_resume_command(folder)}"
@@ -319,6 +319,7 @@ def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterabl
     from ..report.post_fit import (
         best_score_line,
         caution_line,
+        ended_by_itself,
         groups_line,
         next_line,
         tolerance_line,
@@ -333,7 +334,7 @@ def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterabl
     useless = losses(result.unusable_replies, result.llm_calls - result.lost_calls, result.lost_rounds)
     lost += f", {useless}" * bool(useless)
     left_out = "" if result.status in STOPPED else result.reason
-    ended = result.status + ", with stages left out," * bool(left_out)
+    ended = result.status + ", short of simulations," * bool(left_out)
     more = f" and {result.low_fidelity_simulations} by the low-fidelity model" * bool(result.low_fidelity_simulations)
     spent = f"{counted(len(result.trials), 'simulation')} ({failed} failed){more}"
     print(f"{ended} after {spent}{lost}, {result.wall_s:.0f} s")
@@ -353,7 +354,8 @@ def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterabl
         if measured.long:
             print(f"  {printable(forecast_line(forecast, measured), 400)}")
     if result.analysis is not None:
-        lines = [words(result.analysis) for words in (verdict_line, caution_line, groups_line)]
+        verdict = verdict_line(result.analysis, ended_by_itself(result.status, result.reason))
+        lines = [verdict, caution_line(result.analysis), groups_line(result.analysis)]
         lines.append(next_line(result.analysis, task.domain))
         print(*(f"  {line}" for line in lines if line), sep="\n")
     if left_out:

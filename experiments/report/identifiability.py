@@ -5,7 +5,17 @@ from typing import Any
 from ...core.inference.post_fit_analysis import PostFitAnalysis
 from ...core.parameters import Parameter
 from ..run_record import RunRecord
-from .post_fit import caution_line, groups_line, half_width, named, next_line, steps_of, tolerance_words, verdict_line
+from .post_fit import (
+    caution_line,
+    ended_by_itself,
+    groups_line,
+    half_width,
+    named,
+    next_line,
+    steps_of,
+    tolerance_words,
+    verdict_line,
+)
 from .wording import number, printed_unit, short_name
 
 
@@ -16,7 +26,7 @@ def section(run: RunRecord) -> dict[str, Any] | None:
         return None
     space = run.task.space
     return {
-        "verdict": verdict_line(found),
+        "verdict": verdict_line(found, ended_by_itself(run.status, run.lacking)),
         "caution": caution_line(found),
         "groups": groups_line(found),
         "next": next_line(found, run.task.domain),

@@ -37,7 +37,7 @@ _STATUS = {
     UNFINISHED: "not finished: still running, or killed; the run can be resumed",
 }
 
-_STAGES_LEFT_OUT = "ended with stages left out for lack of simulations"
+_SHORT = "ended short of simulations"
 """Of a run that is finished, in place of its status."""
 
 _MOST_NOTES = 100
@@ -76,7 +76,7 @@ def render(run: RunRecord) -> str:
     return template("report.html.j2").render(
         run=run,
         usage=run.usage,
-        status=_STAGES_LEFT_OUT if run.lacking and run.status != UNFINISHED else _STATUS.get(run.status, run.status),
+        status=_SHORT if run.lacking and run.status != UNFINISHED else _STATUS.get(run.status, run.status),
         lacking=clipped(run.lacking, 600),
         useless=losses(run.unusable_replies, run.calls - run.lost_calls, run.lost_rounds),
         objective=objective,

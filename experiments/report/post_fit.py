@@ -38,10 +38,13 @@ def best_score_line(task: Task, best: Trial, lowest: Trial, metrics: Metrics | N
     )
 
 
-def verdict_line(analysis: PostFitAnalysis) -> str:
-    """``"The record fixes 2 of 24 parameters: ..., ...; 18 are loose; 4 are open: ..."``; many names are a number."""
+def verdict_line(analysis: PostFitAnalysis, ended: bool = False) -> str:
+    """``"The record fixes 2 of 24 parameters: ..., ...; 18 are loose; 4 are open: ..."``; many names are a number.
+
+    ``ended`` is whether the fit ended by itself, so that it would not use more simulations.
+    """
     found = analysis.identifiability
-    doubt = _doubt(analysis)
+    doubt = _doubt(analysis, ended)
     begin = f"{doubt} With them the record" if doubt else "The record"
     if len(found.open) == len(found.intervals):
         if len(found.intervals) == 1:
@@ -59,20 +62,25 @@ def verdict_line(analysis: PostFitAnalysis) -> str:
     return "; ".join(parts) + "."
 
 
-def _doubt(analysis: PostFitAnalysis) -> str:
+def _doubt(analysis: PostFitAnalysis, ended: bool) -> str:
     """What keeps the intervals from being the record's, in a sentence or two; empty if nothing does."""
     if analysis.unsettled:
+        settle = "To settle it, let the run go on with more simulations."
+        if ended:
+            settle = (
+                "No step that the fit tried gained what was predicted, so it would not use more simulations. Fewer "
+                "searched parameters, or a further record, may settle it."
+            )
         return (
             f"The fit has not settled: {_named_or_counted(analysis.unsettled, analysis)} would move by more than the "
-            "interval with another step, so the intervals say little in either direction. To settle it, let the run go "
-            "on with more simulations."
+            f"interval with another step, so the intervals say little in either direction. {settle}"
         )
     if apart := analysis.identifiability.apart:
         return (
             "The fit stopped short of the likeliest values, about which the intervals lie: "
             f"{_named_or_counted(apart, analysis)} "
-            f"{'is' if len(apart) == 1 else 'are'} outside. More simulations, or a run that begins elsewhere, may come "
-            "nearer."
+            f"{'is' if len(apart) == 1 else 'are'} outside. {'A' if ended else 'More simulations, or a'} run that "
+            "begins elsewhere may come nearer."
         )
     if analysis.widened > 1.0:
         return "The analysis stopped before its sample converged, so intervals are wider than the record's."
@@ -105,11 +113,16 @@ def caution_line(analysis: PostFitAnalysis) -> str:
     )
 
 
-def needs_more(analysis: PostFitAnalysis) -> bool:
-    """Whether more simulations would tell more than an analysis could."""
-    apart = analysis.identifiability.apart
+def ended_by_itself(status: str, lacking: str) -> bool:
+    """Whether a search of this status, which lacked simulations for so much, would not use more of them."""
+    return status == "finished" and not lacking
+
+
+def needs_more(analysis: PostFitAnalysis, ended: bool = False) -> bool:
+    """Whether more simulations would tell more than an analysis could; ``ended`` as for `verdict_line`."""
+    near = not (analysis.unsettled or analysis.identifiability.apart)
     cut_short = analysis.widened > 1.0 and analysis.cut_short
-    return bool(analysis.unsettled or apart or cut_short or analysis.forgone)
+    return bool(not (near or ended) or cut_short or analysis.forgone)
 
 
 def groups_line(analysis: PostFitAnalysis) -> str:

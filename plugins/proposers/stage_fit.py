@@ -99,6 +99,8 @@ class Stage(ABC):
     """
 
     takes_slopes = False
+    wanting = 0
+    """Simulations that the fit would have gone on with, had so many been left; 0 where it ended by itself."""
     reduction: TaskReduction | None = None
     """How the task is reduced for the candidates just asked for; None where it is not."""
 
@@ -257,6 +259,7 @@ class StageFit(Stage):
         # What does not suffice for another Jacobian is left to later stages, if there are any.
         reckoned = limit if self._left >= simulations_left else None
         points = self._search.ask(reckoned) if limit > 0 else []
+        self.wanting = 0
         if (not points or self.takes_slopes) and self._improved():
             before, self._noise = self._noise, self._misfit_noise()
             known, fresh = self._search.jacobian, bool(np.isfinite(self._search.predicted))
@@ -266,6 +269,7 @@ class StageFit(Stage):
             points = self._search.ask(reckoned) if limit > 0 else []
         if points and len(points) <= limit:
             return [self._space.at(point) for point in points]
+        self.wanting = len(points)
         self.reduction = None
         return [self._here.candidate] if self._here.reduction is not None else []
 

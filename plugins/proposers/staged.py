@@ -91,7 +91,7 @@ class StagedProposer:
             if self._stage is None:
                 self._stage = self._next_stage(context)
                 if self._stage is None:
-                    return self._last_proposal()
+                    return self._last_proposal(context.simulations_left)
             candidates = self._stage.ask(context.simulations_left)
             if candidates:
                 return self._proposal(self._stage, candidates)
@@ -216,12 +216,18 @@ class StagedProposer:
             by_simulations=True,
         )
 
-    def _last_proposal(self) -> Proposal:
+    def _last_proposal(self, simulations_left: int) -> Proposal:
+        lacking = list(self._lacking)
+        if self._last is not None and self._last.wanting > simulations_left:
+            lacking.append(
+                f'Stage "{self._last.choice.name}" ended before its next {self._last.wanting} simulations; '
+                f"{simulations_left} are left."
+            )
         notes = [f'Stage "{name}" is skipped: {why}.' for name, why in self._skipped.items()]
         return Proposal(
             (),
             rationale=" ".join([*notes, "All stages have ended."]),
-            details={"skipped": self._skipped} | ({LACKING: " ".join(self._lacking)} if self._lacking else {}),
+            details={"skipped": self._skipped} | ({LACKING: " ".join(lacking)} if lacking else {}),
             finished=True,
             by_simulations=True,
         )

@@ -149,12 +149,15 @@ def test_draws_that_never_come_out_as_predicted_widen_the_sample_whatever_the_bu
     rng = np.random.default_rng(1)
     slopes, base = 6.0 * rng.normal(size=(60, 2)), rng.normal(size=60)
 
-    def rough(points: np.ndarray) -> list[np.ndarray | None]:
-        return [base + slopes @ (point - 0.5) + rng.normal(size=60) for point in points]
+    def rough(points: np.ndarray) -> np.ndarray:
+        return np.array([base + slopes @ (point - 0.5) + rng.normal(size=60) for point in points])
 
+    asked, simulate = recording(rough)
     start = np.array([[0.5, 0.5], [0.51, 0.5], [0.5, 0.51], [0.6, 0.4]])
-    found = simulated_posterior(start, [base, *rough(start[1:])], slopes, rough, NO_PRIOR, most=most)
+    found = simulated_posterior(start, [base, *rough(start[1:])], slopes, simulate, NO_PRIOR, most=most)
     assert found.widened > 3.0
+    assert asked == ([4] * 6 if most else [16] * len(asked)), "a small budget is used up"
+    assert len(asked) < 6 or most, "further rounds would come no nearer"
     assert found.cut_short == (most is not None)
     assert len(found.followed) == 0, "no neighbour of the fit follows the record as it does"
 
@@ -164,8 +167,15 @@ def test_a_sample_none_of_whose_draws_ran_is_widened() -> None:
     slopes = 6.0 * np.random.default_rng(1).normal(size=(60, 2))
     start = np.array([[0.5, 0.5], [0.51, 0.5], [0.5, 0.51]])
     known = list((start - 0.5) @ slopes.T)
-    found = simulated_posterior(start, known, slopes, lambda points: [None] * len(points), NO_PRIOR)
+    asked: list[int] = []
+
+    def fail(points: np.ndarray) -> list[np.ndarray | None]:
+        asked.append(len(points))
+        return [None] * len(points)
+
+    found = simulated_posterior(start, known, slopes, fail, NO_PRIOR)
     assert found.widened == pytest.approx(np.sqrt(2.0))
+    assert len(asked) == 2, "what fails twice over is not tried six times"
 
 
 @pytest.mark.slow

@@ -46,7 +46,7 @@ def test_the_end_names_a_stage_that_lacked_simulations(run_toy, tmp_path, capsys
     scaffold = toy_scaffold("staged", proposer={"use": "staged", "options": {"stages": stages}})
     _print_summary(toy_task(), run_toy(scaffold=scaffold, warm_up=0, simulations=12), tmp_path / "run")
     first, *_, said, report = capsys.readouterr().out.splitlines()
-    assert first.startswith("finished, with stages left out, after 6 simulations")
+    assert first.startswith("finished, short of simulations, after 6 simulations")
     assert said.startswith('  Stage "joint" is skipped: the 6 simulations left do not suffice')
     assert report.startswith("  report: ")
 
@@ -144,7 +144,10 @@ def test_a_run_whose_analysis_lacks_simulations_says_the_command_though_its_sear
     settled = SimpleNamespace(status="finished", reason="", cut_short=False, analysis=analysis(0.3), trials=[1, 2])
     assert list(_how_to_go_on(settled, config, tmp_path / "run", True)) == []
     unsettled = SimpleNamespace(**{**vars(settled), "analysis": replace(analysis(0.3), unsettled=("a",))})
-    assert list(_how_to_go_on(unsettled, config, tmp_path / "run", True)) == [
+    # The search would use no more.
+    assert list(_how_to_go_on(unsettled, config, tmp_path / "run", True)) == []
+    lacking = SimpleNamespace(**{**vars(settled), "analysis": replace(analysis(0.3), forgone=22)})
+    assert list(_how_to_go_on(lacking, config, tmp_path / "run", True)) == [
         f"To go on with more simulations: bsa-run --resume {tmp_path / 'run'} --simulations 120"
     ]
 

@@ -21,6 +21,7 @@ from bsa.core.trial import Trial
 from bsa.experiments.report.post_fit import (
     best_score_line,
     caution_line,
+    ended_by_itself,
     needs_more,
     tolerance_words,
     verdict_line,
@@ -135,6 +136,26 @@ def test_more_simulations_are_advised_where_an_analysis_lacks_them() -> None:
     assert not needs_more(found)
     for lacking in ({"unsettled": ("a",)}, {"widened": 2.0}, {"forgone": 12}):
         assert needs_more(replace(found, **lacking))
+
+
+def test_a_fit_that_ended_by_itself_is_not_advised_more_simulations() -> None:
+    """A measured cell's fit had ended after 138 of 300 simulations; with 600 allowed it made none more."""
+    unsettled = replace(judged({"a": "open", "b": "loose"}), unsettled=("a",))
+    apart = judged({"a": "fixed", "b": "open"})
+    outside = replace(apart.identifiability.intervals["a"], lower=1.5)
+    apart = replace(apart, identifiability=replace(apart.identifiability, intervals={"a": outside}))
+    for found in (unsettled, apart):
+        assert needs_more(found)
+        assert "ore simulations, or" in verdict_line(found) or "go on with more simulations" in verdict_line(found)
+        assert not needs_more(found, ended=True)
+        assert "go on with" not in verdict_line(found, ended=True)
+    assert "it would not use more simulations. Fewer searched parameters, or" in verdict_line(unsettled, ended=True)
+    assert verdict_line(apart, ended=True).startswith("The fit stopped short of the likeliest values")
+    assert "A run that begins elsewhere may come nearer." in verdict_line(apart, ended=True)
+    assert needs_more(replace(unsettled, forgone=12), ended=True)
+    assert ended_by_itself("finished", "")
+    assert not ended_by_itself("finished", 'Stage "joint" is skipped.')
+    assert not ended_by_itself("simulations-spent", "")
 
 
 def one_record() -> Task:

@@ -122,11 +122,18 @@ def test_a_stage_that_lacks_simulations_is_named_with_how_many_would_do(run_toy:
     )
     assert read_run(tmp_path / "few").lacking == few.reason
     page = unescape((tmp_path / "few" / "report.html").read_text())
-    assert f"The run ended with stages left out for lack of simulations. {few.reason}" in page
+    assert f"The run ended short of simulations. {few.reason}" in page
     assert "nothing better to offer" not in page
     enough = run_toy(tmp_path / "enough", scaffold=staged(order=["ohmic", "all"]), warm_up=0, simulations=13)
     assert stages_of(tmp_path / "enough") == ["ohmic", "all"]
-    assert enough.reason == ""
+    assert enough.reason == 'Stage "all" ended before its next 4 simulations; 2 are left.'
+
+
+def test_a_stage_that_ends_by_itself_lacks_nothing(run_toy: RunToy, tmp_path: Path) -> None:
+    plenty = run_toy(tmp_path / "run", scaffold=staged(order=["ohmic", "all"]), warm_up=0, simulations=100)
+    assert plenty.status == "finished"
+    assert len(plenty.trials) < 80
+    assert plenty.reason == ""
 
 
 @pytest.mark.slow
