@@ -21,6 +21,11 @@ from ..threads import on_one_thread
 from ..trajectory import FloatArray
 from .emulator import Emulator, learn
 from .fit_settings import Box
+from .guided_steps import GuidedSteps
+
+_PATIENCE, _PRICE = 3, 0.25
+"""Steps in a row that may fail before a new Jacobian: at least so many, and this share of the number of simulations
+that a Jacobian takes. Twice as many change little on measured cells."""
 
 _MOST = 250
 """Simulations that the emulator learns from at most, the best ones: its time grows with their third power."""
@@ -30,8 +35,8 @@ _FAR = 20.0
 simulations with a larger root mean square are left out, as too far from the fit to tell of its neighbourhood."""
 
 
-class EmulatedSteps:
-    """Remembers the simulations of a fit, and says where an emulator expects the least cost.
+class EmulatedSteps(GuidedSteps):
+    """Remembers the simulations of a fit, and leads to where an emulator expects the least cost.
 
     Parameters
     ----------
@@ -41,9 +46,12 @@ class EmulatedSteps:
         Which coordinates may move.
     noise : float
         Standard deviation of a residual; 0 takes residuals as they are.
+    radius : float
+        Longest step of a coordinate.
     """
 
-    def __init__(self, box: Box, free: NDArray[np.bool_], noise: float) -> None:
+    def __init__(self, box: Box, free: NDArray[np.bool_], noise: float, radius: float = np.inf) -> None:
+        super().__init__(radius, max(_PATIENCE, _PRICE * np.count_nonzero(free)))
         self._free, self._noise = free, noise or 1.0
         self._lower, self._upper = box.lower, box.upper
         self._prior = box.prior / self._noise
@@ -82,6 +90,22 @@ class EmulatedSteps:
         step = np.zeros(len(point))
         step[self._free] = np.clip(found.x, lower, upper) - point[self._free]
         return step, (here - float(found.fun)) * self._noise**2
+
+    def judge(
+        self, here: FloatArray, there: FloatArray, residual: FloatArray | None, gained: float, cost: float, worth: float
+    ) -> None:
+        """See `GuidedSteps.judge`."""
+        super().judge(here, there, residual, gained, cost, worth)
+        if residual is None:
+            # An emulator learns nothing from a failure: it would go there again.
+            self._failures = self.patience
+
+    def _least(self, point: FloatArray, residual: FloatArray, cost: float) -> tuple[FloatArray, float]:
+        step, gain = self.step(point, self._reach)
+        return np.clip(point + step, self._lower, self._upper), gain
+
+    def _led_astray(self, residual: FloatArray | None, gained: float) -> bool:
+        return residual is None
 
     @on_one_thread
     def derivatives(self, point: FloatArray) -> FloatArray:

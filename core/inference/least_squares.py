@@ -22,7 +22,6 @@ Comp. 19 (1965) 577. Nocedal & Wright, Numerical Optimization, 2nd ed. (2006), C
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -34,6 +33,8 @@ from ..trajectory import FloatArray
 from .differences import Differences
 from .emulated_steps import EmulatedSteps
 from .fit_settings import Box, Settings
+from .guided_steps import GuidedSteps
+from .led_steps import LedSteps
 from .low_fidelity import LowFidelity
 
 Stage = Literal["start", "low-fidelity", "jacobian", "step", "emulated", "done"]
@@ -55,22 +56,11 @@ _RAISES = 12
 _POOR_STEPS = 2
 """Poor steps in a row before a new Jacobian."""
 
-_MISSES, _PRICE = 3, 0.25
-"""Steps of the emulator in a row that may fail before a new Jacobian: at least so many, and this share of the number
-that a Jacobian costs; of the low-fidelity model the first. A step fails if it gains hardly anything of what was
-predicted, or less than is worth a simulation; both learn from it. Twice as many change little on measured cells."""
-
 _KNOWS_MORE = 2.0
 """Simulations, in units of those that determine a linear model, from which an emulator is asked in place of Broyden's
 updates. Of fewer it learns the slopes but hardly how they change, and its steps are short. A measured record of 25
 parameters ends at 18 mV in 40 simulations, with 1.5 too, and at 42 with 1; the worst of twelve published tasks ends at
 0.08 % in 100 simulations, and at 0.30 % with 1."""
-
-_LEADS = 0.1
-"""Share of the cost that a step of the low-fidelity model must gain: at less, other steps gain as much in less time."""
-
-_INNER = 4
-"""Simulations of a fit of the low-fidelity model at most, in units of those that determine a linear model."""
 
 _LEAST = 1e-7
 """Least damping."""
@@ -158,13 +148,12 @@ class LeastSquares:
         self.simulations = 0
         self.ending: Ending = ""
         self.stage: Stage = "start"
-        self._misses = 0
-        self._promised = 0.0
-        self._reach = self.settings.radius
-        self._low = low_fidelity
+        self._led: LedSteps | None = None
+        if low_fidelity is not None:
+            self._led = LedSteps(low_fidelity, _fitted, self.settings, self._free, self._box)
         self._emulated: EmulatedSteps | None = None
         if self.settings.emulates:
-            self._emulated = EmulatedSteps(self._box, self._free, self.settings.noise)
+            self._emulated = EmulatedSteps(self._box, self._free, self.settings.noise, self.settings.radius)
             for place, seen in [*known, *([] if residual is None else [(self.point, residual)])]:
                 self._emulated.remember(place, seen)
         if residual is None:
@@ -236,9 +225,9 @@ class LeastSquares:
         elif self.stage == "step":
             self._take_step(batch[0], usable[0])
         elif self.stage == "emulated":
-            self._take_emulated_step(batch[0], usable[0])
+            self._take_guided_step(self._emulated, batch[0], usable[0])
         elif self.stage == "low-fidelity":
-            self._take_low_fidelity_step(batch[0], usable[0])
+            self._take_guided_step(self._led, batch[0], usable[0])
         else:
             self._take_differences(usable)
         self._plan()
@@ -247,7 +236,7 @@ class LeastSquares:
         self._first_cost = self._round_cost = self.cost
         if self.residual is None:
             self._end("failed")
-        elif self._low is not None:
+        elif self._led is not None:
             self.stage = "low-fidelity"
         else:
             self.stage = "jacobian" if self.jacobian is None else "step"
@@ -299,18 +288,20 @@ class LeastSquares:
 
     def _plan_low_fidelity_step(self) -> None:
         """The next point by the low-fidelity model; without it where it promises little, or has failed too often."""
-        assert self._low is not None
-        found = self._fit_low_fidelity() if self._misses < _MISSES else None
-        if found is not None:
-            self._promised = self.cost - found.cost
-            if self._promised > self._worth:
-                self._batch = [found.point]
-                return
-        if self._low.suffices and (found is not None or self.cost < self._first_cost):
-            self._end(self._ending_at(self._promised))
+        assert self._led is not None
+        if self._plan_guided_step(self._led):
             return
-        self._misses, self._reach = 0, self.settings.radius
-        self._next_round()
+        if self._led.suffices and (self._led.expects or self.cost < self._first_cost):
+            self._end(self._ending_at(self._led.promised))
+        else:
+            self._next_round()
+
+    def _plan_guided_step(self, guide: GuidedSteps) -> bool:
+        """Ask for the next point by a model of the residuals; whether there is one."""
+        assert self.residual is not None
+        there = guide.next(self.point, self.residual, self.cost, self._worth)
+        self._batch = [] if there is None else [there]
+        return there is not None
 
     def _plan_step(self) -> None:
         step = self._linear_step(self.damping)
@@ -326,47 +317,24 @@ class LeastSquares:
         else:
             self._next_round()
 
-    def _fit_low_fidelity(self) -> LeastSquares | None:
-        """A fit of the corrected low-fidelity model; None where that model fails at the best point."""
-        assert self._low is not None
-        assert self.residual is not None
-        if not self._low.learn(self.point, self.residual):
-            return None
-        near = replace(
-            self._box,
-            lower=np.maximum(self._box.lower, self.point - self._reach),
-            upper=np.minimum(self._box.upper, self.point + self._reach),
-        )
-        enough = float(np.sqrt(self._low.worth(self.cost) / len(self.residual)))
-        settings = replace(self.settings, enough=max(self.settings.enough, enough))
-        inner = LeastSquares(
-            self.point, self.residual, settings, self._free, self._low.jacobian, near, known=self._low.known
-        )
-        solve(inner, self._low.corrected, _INNER * (int(np.count_nonzero(self._free)) + 1))
-        self._low.jacobian = inner.jacobian
-        return inner
-
     def _plan_emulated_step(self) -> None:
         """The next point by the emulator; another Jacobian where it predicts little, or has failed too often."""
         assert self._emulated is not None
-        if self._misses < max(_MISSES, _PRICE * np.count_nonzero(self._free)):
-            step, self._promised = self._emulated.step(self.point, self._reach)
-            if self._promised > self._worth:
-                self._batch = [self._moved(step)]
-                return
-        self._misses = 0
-        self._next_round()
+        if not self._plan_guided_step(self._emulated):
+            self._emulated.begin_anew()
+            self._next_round()
 
     def _plan_last_step(self) -> None:
         """The next point where too few simulations are left for another Jacobian; none if no gain is predicted."""
+        assert self.residual is not None
         if self._emulated is not None and self._emulator_knows(1.0):
             stage: Stage = "emulated"
-            step, gain = self._emulated.step(self.point, self._reach)
+            there = self._emulated.at_once(self.point, self.residual, self.cost, self._worth)
         else:
             stage, step = "step", self._linear_step(self.damping)
-            gain = self._predicted_gain(step)
-        if gain > self._worth:
-            self.stage, self._batch, self._promised = stage, [self._moved(step)], gain
+            there = self._moved(step) if self._predicted_gain(step) > self._worth else None
+        if there is not None:
+            self.stage, self._batch = stage, [there]
 
     def _next_round(self) -> None:
         """Go on with another Jacobian, or end."""
@@ -378,44 +346,18 @@ class LeastSquares:
     def _moved(self, step: FloatArray) -> FloatArray:
         return np.clip(self.point + step, self._box.lower, self._box.upper)
 
-    def _take_emulated_step(self, point: FloatArray, residual: FloatArray | None) -> None:
-        assert self._emulated is not None
+    def _take_guided_step(self, guide: GuidedSteps | None, point: FloatArray, residual: FloatArray | None) -> None:
+        assert guide is not None
         gained = self._gained(point, residual)
-        self._misses = self._misses + 1 if gained <= max(self._worth, _POOR * self._promised) else 0
-        if residual is None:
-            # An emulator learns nothing from a failure: it would go there again.
-            self._misses = len(self.point)
-            self._reach = self._half_as_far(point)
-        else:
-            self._reach = min(2.0 * self._reach, self.settings.radius)
+        guide.judge(self.point, point, residual, gained, self.cost, self._worth)
         if residual is not None and gained > 0:
-            self._go_on_from(point, residual, self._emulated.derivatives(point))
-
-    def _take_low_fidelity_step(self, point: FloatArray, residual: FloatArray | None) -> None:
-        assert self._low is not None
-        self._low.learn(point, residual)
-        gained = self._gained(point, residual)
-        least = max(self._worth, _POOR * self._promised, _LEADS * self.cost)
-        self._misses = self._misses + 1 if gained <= least else 0
-        if residual is None or gained <= 0:
-            self._reach = self._half_as_far(point)
-            return
-        assert self._low.jacobian is not None
-        self._reach = min(2.0 * self._reach, self.settings.radius)
-        self._go_on_from(point, residual, self._low.jacobian.copy())
+            # The derivatives were not measured there.
+            self.point, self.residual, self.jacobian, self._fresh = point, residual, guide.derivatives(point), False
+            self.damping = self._known_damping = self.settings.damping
 
     def _gained(self, point: FloatArray, residual: FloatArray | None) -> float:
         """By how much the cost falls at a point; minus infinity where it failed."""
         return -np.inf if residual is None else self.cost - self._cost_of(residual, point)
-
-    def _half_as_far(self, point: FloatArray) -> float:
-        """Half of the longest step of a coordinate to a point."""
-        return 0.5 * float(np.max(np.abs(point - self.point)))
-
-    def _go_on_from(self, point: FloatArray, residual: FloatArray, jacobian: FloatArray) -> None:
-        """Take a better point, with derivatives that were not measured there."""
-        self.point, self.residual, self.jacobian, self._fresh = point, residual, jacobian, False
-        self.damping = self._known_damping = self.settings.damping
 
     def _linear_step(self, damping: float) -> FloatArray:
         jacobian, residual = self._linear_model()
@@ -536,3 +478,19 @@ def solve(
         if not batch or len(batch) > left:
             return
         search.tell(list(residuals(batch)))
+
+
+def _fitted(
+    model: LowFidelity,
+    point: FloatArray,
+    residual: FloatArray,
+    settings: Settings,
+    free: NDArray[np.bool_],
+    box: Box,
+    budget: int,
+) -> tuple[FloatArray, float]:
+    """A fit of a corrected low-fidelity model: the best point and its cost; see `LedSteps`."""
+    fit = LeastSquares(point, residual, settings, free, model.jacobian, box, known=model.known)
+    solve(fit, model.corrected, budget)
+    model.jacobian = fit.jacobian
+    return fit.point, fit.cost
