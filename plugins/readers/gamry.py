@@ -1,4 +1,4 @@
-"""Gamry's ``.DTA`` files: one or several curves, each with a line of names and a line of units."""
+"""Gamry's ``.DTA`` files: one or several curves, or a spectrum, each with a line of names and a line of units."""
 
 import re
 from collections.abc import Container, Iterator, Sequence
@@ -13,7 +13,10 @@ _FIRST_LINE = "EXPLAIN"
 _CURVE = re.compile(r"CURVE\d*\tTABLE\b")
 """What begins the line above a curve; that of the open-circuit voltage measured before it is named OCVCURVE."""
 
-_NAMES = {"Vf": "Voltage", "Im": "Current"}
+_SPECTRUM = re.compile(r"ZCURVE\d*\tTABLE\b")
+"""What begins the line above an impedance spectrum, before which the open-circuit voltage is measured."""
+
+_NAMES = {"Vf": "Voltage", "Im": "Current", "Vdc": "Voltage"}
 """Gamry's names, as other readers know them."""
 
 _TIME = "T"
@@ -22,12 +25,17 @@ _AGAINST = re.compile(r"\s+vs\. Ref\.$")
 """Stands behind the unit of a voltage, whether there is a reference electrode or not."""
 
 
+def is_gamry_s(lines: Sequence[str]) -> bool:
+    """Whether the first of the lines is that of a Gamry file."""
+    return bool(lines) and lines[0].startswith(_FIRST_LINE)
+
+
 def gamry_table(text: str, source: str, options: ReadOptions) -> Table | None:
     """The curves of a file, one below the other and numbered in a column of steps; None of another text.
 
     Raises `BsaError` if curves have different columns.
     """
-    lines = lines_of(text) if text.startswith(_FIRST_LINE) else []
+    lines = _lines(text)
     curves = [rows for k, line in enumerate(lines) if _CURVE.match(line) and (rows := _rows_below(lines, k + 3))]
     if not curves:
         return None
@@ -47,6 +55,29 @@ def gamry_table(text: str, source: str, options: ReadOptions) -> Table | None:
     kept = {*options.signal_columns.values(), *options.where}
     header = ("Step", *(_name(name, kept) for name in names[1:]))
     return Table(source, header, units, cells, "\t", comma, notes=_notes(shifts))
+
+
+def gamry_spectrum(text: str, source: str) -> Table | None:
+    """The impedance spectrum of a file; None of another text, and of a file that has curves of a record too."""
+    lines = _lines(text)
+    if any(_CURVE.match(line) for line in lines):
+        return None
+    rows = next((_rows_below(lines, k + 3) for k, line in enumerate(lines) if _SPECTRUM.match(line)), range(0))
+    if not rows:
+        return None
+    names, units = _heading(lines, [rows], source)
+    comma = have_decimal_commas(split(lines[k], "\t") for k in rows)
+
+    def cells() -> Iterator[tuple[int, list[str]]]:
+        return ((k + 1, split(lines[k], "\t")[1:]) for k in rows)
+
+    header = tuple(_NAMES.get(name, name) for name in names[1:])
+    return Table(source, header, units[1:], cells, "\t", comma)
+
+
+def _lines(text: str) -> Sequence[str]:
+    """The lines of a Gamry file; none of another text."""
+    return lines_of(text) if text.startswith(_FIRST_LINE) else []
 
 
 def _rows_below(lines: Sequence[str], first: int) -> range:

@@ -19,6 +19,7 @@ from ...core.spectrum import ImpedanceSpectrum
 from ...core.trajectory import FloatArray
 from .assembly import AnyTable, kelvin, numbers, told_apart_by
 from .columns import NAMES, Column, ambient_in, half_cell, named, signal_of, split_name, unit_of
+from .gamry import gamry_spectrum, is_gamry_s
 from .generic_csv import first_lines, is_text_table
 from .source import load_text
 from .table import Numbers, find_table, no_column, split
@@ -86,8 +87,13 @@ class ImpedanceCsv:
         self._unit = options.unit
 
     def matches(self, path: Path) -> bool:
-        """Whether a line near the top names the columns of a spectrum, and those below it are no record's."""
+        """Whether a line near the top names the columns of a spectrum, and those below it are no record's.
+
+        Of Gamry's files, whose spectrum stands far below, whether there is one.
+        """
         lines = first_lines(path, _HEAD_LINES) if is_text_table(path) else []
+        if is_gamry_s(lines[:1]):
+            return gamry_spectrum(load_text(path)[0], path.name) is not None
         for place, line in enumerate(lines):
             header = re.split(_SEPARATORS, line)
             columns = _columns(header, {})
@@ -100,7 +106,8 @@ class ImpedanceCsv:
     def read(self, path: Path, options: ReadOptions) -> ImpedanceSpectrum:
         """Read the spectrum; see `Reader.read`."""
         text, notes = load_text(path)
-        return spectrum_of(find_table(text, shown(path.name)), options, self._unit, notes)
+        source = shown(path.name)
+        return spectrum_of(gamry_spectrum(text, source) or find_table(text, source), options, self._unit, notes)
 
 
 def holds_spectrum(header: Sequence[str]) -> bool:

@@ -33,6 +33,28 @@ DIGATRON = "\n".join(
 )
 
 
+GAMRY = "\n".join(
+    [
+        "EXPLAIN",
+        "TAG\tEISPOT",
+        *(f"SETTING{k}\tQUANT\t1.0\tOf many" for k in range(50)),
+        "OCVCURVE\tTABLE\t90",
+        "\tPt\tT\tVf\tVm\tAch",
+        "\t#\ts\tV vs. Ref.\tV\tV",
+        *(f"\t{k}\t{k}\t3.7\t3.7\t0" for k in range(90)),
+        "EOC\tQUANT\t3.7\tOpen Circuit (V)",
+        "ZCURVE\tTABLE",
+        "\tPt\tTime\tFreq\tZreal\tZimag\tZsig\tZmod\tZphz\tIdc\tVdc\tIERange",
+        "\t#\ts\tHz\tohm\tohm\tV\tohm\t°\tA\tV\t#",
+        *(
+            f"\t{k}\t{k}\t{f:.7g}\t{z.real:.7g}\t{z.imag:.7g}\t1\t{abs(z):.7g}\t-1.0\t0.001\t3.71\t8"
+            for k, (f, z) in enumerate(zip(FREQUENCY, IMPEDANCE, strict=True))
+        ),
+    ]
+)
+"""A spectrum far below the settings and the open-circuit voltage before it."""
+
+
 def table(header: str, sign: float = 1.0, unit: float = 1.0, separator: str = ",") -> str:
     rows = zip(FREQUENCY, unit * IMPEDANCE.real, sign * unit * IMPEDANCE.imag, strict=True)
     return "\n".join([header, *(separator.join(map(repr, map(float, row))) for row in rows)])
@@ -42,6 +64,7 @@ def table(header: str, sign: float = 1.0, unit: float = 1.0, separator: str = ",
     ("name", "text"),
     [
         ("digatron.csv", DIGATRON),
+        ("gamry.DTA", GAMRY),
         ("biologic.txt", table("freq/Hz\tRe(Z)/Ohm\t-Im(Z)/Ohm", sign=-1.0, separator="\t")),
         ("ours.csv", table("Frequency [Hz],Zreal [mohm],Zimag [mohm]", unit=1e3)),
         ("primes.csv", table("Frequency (Hz),Z' (Ω),-Z'' (Ω)", sign=-1.0)),
@@ -56,6 +79,23 @@ def test_a_spectrum_is_in_ohm_and_capacitive_below(tmp_path, name, text):
     np.testing.assert_allclose(spectrum.impedance, IMPEDANCE, rtol=1e-4, atol=1e-9)
     assert spectrum.ohmic_resistance == pytest.approx(0.02, rel=0.05)
     assert any("turned" in note for note in spectrum.notes) == (name == "upwards.csv")
+
+
+def test_a_spectrum_of_gamry_s_has_the_voltage_at_which_it_was_measured_and_decimal_commas(tmp_path):
+    path = tmp_path / "a.DTA"
+    path.write_text(GAMRY, encoding="latin-1")
+    assert read_file(path).voltage == pytest.approx(3.71)
+    path.write_text(GAMRY.replace(".", ","))
+    spectrum = read_file(path)
+    assert spectrum.voltage == pytest.approx(3.71)
+    np.testing.assert_allclose(spectrum.impedance, IMPEDANCE, rtol=1e-4, atol=1e-9)
+
+
+def test_a_file_of_gamry_s_with_an_open_circuit_voltage_alone_is_no_spectrum(tmp_path):
+    path = tmp_path / "a.DTA"
+    path.write_text(GAMRY[: GAMRY.index("EOC")])
+    with pytest.raises(BsaError, match="has no column for voltage, current"):
+        read_file(path)
 
 
 @pytest.mark.parametrize(
