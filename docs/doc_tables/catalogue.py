@@ -56,6 +56,7 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "nearest-set": real_cells.by_start,
     "starts": real_cells.by_initial_state,
     "pulse-tests": real_cells.by_rests,
+    "bands": real_cells.by_band,
     "paper-cells": real_cells.as_in_the_paper,
     "impedance": real_cells.with_spectra,
 }

@@ -95,6 +95,21 @@ def by_rests(results: Results) -> str:
     return results.framed("pulse_tests", table_of(results.rows("pulse_tests"), columns, 3))
 
 
+def by_band(results: Results) -> str:
+    """Errors of held-out records beside the bands that their fits predict."""
+    columns = {
+        "cell": "{cell}",
+        "record": "{record}",
+        "rms / mV": "{rms_mv:brief}",
+        "half of the band, median / mV": "{band_mv:brief}",
+        "of it from the misfit / mV": "{misfit_mv:brief}",
+        "inside / %": "{inside_pct:known}",
+        "simulations of the analysis": "{analysis_simulations:.0f}",
+        "noise raised": "{widened:brief}",
+    }
+    return results.framed("bands", table_of(results.rows("bands"), columns, 2))
+
+
 def as_in_the_paper(results: Results) -> str:
     """The paper's errors of first cycles whose steps are simulated."""
     columns = {
