@@ -5,91 +5,33 @@ Nothing here counts as a simulation of the search: it begins when the search has
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from ..ageing.fade_band import FadeBand
 from ..ageing.residuals import CAPACITY_TOLERANCE, compared_cycles
-from ..comparison.residuals import capacity_rows, noise_of_residuals, residuals, rms, rows_of
-from ..parameters import Candidate
+from ..comparison.residuals import capacity_rows, residuals, rms
 from ..prior import Prior
 from ..shape import shaped
-from ..simulation import Outcome, in_order
-from ..task import Experiment, Task
-from ..task import Protocol as StepProtocol
-from ..trajectory import FloatArray, Trajectory
+from ..task import Task
+from ..trajectory import FloatArray
 from ..trial import Trial
-from .derivatives import DIFFERENCE, beside, known_derivatives
-from .forecast import Forecast, what_to_measure_next
-from .identifiability import Identifiability, identify, not_narrower, open_directions, unsettled, with_sample
-from .simulated_posterior import Errors, SimulatedPosterior, simulated_posterior
-
-NOISE_FLOOR = 0.3
-"""Deviation assumed at least of each residual, in tolerances as the fit weighs them.
-
-Of a point of average weight it is 0.3 mV, or about 0.3 % of a current, as a good cycler has. A target that was
-simulated has no noise, and its fit would seem to fix everything. In a record of steps of unequal length it is what the
-model lacks: as in the fit, a short step says no more than its share of the time.
-"""
-
-_FLOOR_OF_DURATIONS = 1.0
-"""The same of the duration of a step, whose noise no record tells: 0.1 %, the accuracy of a cycler's current."""
-
-_OF_THE_MESH = 0.5
-"""Share of the change of a residual by a finer mesh that counts as uncertain: at the end of a step the change is twice
-as large for one candidate as for another."""
-
-_NO_APPROXIMATION = 3.0
-"""Root mean square, in tolerances, by which search and reference may differ: beyond it, and beyond the misfit, one of
-them is no approximation of the other, and the search's residuals stand."""
+from .derivatives import DIFFERENCE, known_derivatives
+from .forecast import Forecast
+from .identifiability import Identifiability, identify, not_narrower, unsettled, with_sample
+from .measure_next import Suggestion, suggestions
+from .residual_errors import Errors, errors_of
+from .simulated_posterior import SimulatedPosterior, simulated_posterior
+from .simulating import Simulating, Spent
 
 _OF_A_LIFE = {"rounds": 1, "at_once": 16}
 """Simulations at draws from the posterior, where each takes minutes."""
 
-_ALONG = 0.02
-"""Step along an undetermined direction: longer than a finite difference, since the residuals change little along it."""
-
-_MOST_DIRECTIONS = 6
-
 _FEWEST_FOLLOWED = 5
 """Simulated points that tell how far a prediction is open; from fewer a band would be many times their deviation."""
-
-_FULL = 1.0
-
-
-class Simulating(Protocol):
-    """What an analysis needs of a run's plugins."""
-
-    def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
-        """See `RunHooks.simulate`."""
-        ...
-
-    def simulate_finer(self, candidate: Candidate) -> Outcome | None:
-        """See `RunHooks.simulate_finer`."""
-        ...
-
-    def simulate_variant(
-        self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], exact: bool = False
-    ) -> Iterator[tuple[int, Outcome]] | None:
-        """See `RunHooks.simulate_variant`."""
-        ...
-
-    def next_protocols(self) -> Mapping[str, StepProtocol]:
-        """See `RunHooks.next_protocols`."""
-        ...
-
-
-@dataclass(frozen=True)
-class Suggestion:
-    """A further record, and what it would do."""
-
-    name: str  # ``"C/20 discharge"``.
-    protocol: StepProtocol  # Its cycles of steps, from a fully charged cell.
-    hours: float  # How long the fitted cell takes for it, h.
-    forecast: Forecast  # The intervals with it.
 
 
 @dataclass(frozen=True)
@@ -177,32 +119,6 @@ class PostFitAnalysis:
         )
 
 
-@dataclass
-class _Spent:
-    """Counts simulations as they finish."""
-
-    budget: int
-    simulations: int = 0
-    seconds: float = 0.0
-
-    @property
-    def left(self) -> int:
-        """Simulations that may still be made."""
-        return self.budget - self.simulations
-
-    def counted(self, outcomes: Iterator[tuple[int, Outcome]], records: int) -> list[Outcome]:
-        """The outcomes in the order of their candidates, each counted as so many simulations.
-
-        A task counts as one simulation however many records it has, as in the search; every suggested record counts.
-        """
-        found: list[tuple[int, Outcome]] = []
-        for place, outcome in outcomes:
-            found.append((place, outcome))
-            self.simulations += records
-            self.seconds += outcome.seconds
-        return in_order(found)
-
-
 def analyse(
     task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulating, budget: int, priors: bool = False
 ) -> PostFitAnalysis | None:
@@ -226,9 +142,9 @@ def analyse(
     """
     if best.residuals is None:
         return None
-    spent = _Spent(budget)
+    spent = Spent(budget)
     jacobian, reused, unknown, looked = _jacobian(task, trials, best, plugins, spent)
-    errors = _errors(task, best, plugins, spent)
+    errors = errors_of(task, best, plugins, spent)
     residual = best.residuals + errors.shift
     prior, centre = Prior.of(task.space, priors), task.space.to_unit(best.candidate)
     sampled = _posterior(task, trials, best, looked, jacobian, errors, prior, plugins, spent)
@@ -244,7 +160,7 @@ def analyse(
         # A sample that ended early may not have reached the ends of a valley.
         found = not_narrower(found, straight, task.space)
     now = {name: found.intervals[name].share_of_range for name in task.space.names}
-    suggestions, forgone = _suggestions(task, best, informed, noise, now, plugins, spent)
+    found_next, forgone = suggestions(task, best, informed, noise, now, plugins, spent)
     worst = max(found.intervals, key=lambda name: found.intervals[name].share_of_range)
     moving = unsettled(informed, prior.residuals(weighed, centre, noise), noise, task.space.names, centre)
     fade = _fade_bands(task, residual, jacobian, found.covariance)
@@ -254,7 +170,7 @@ def analyse(
         unknown,
         moving,
         worst,
-        suggestions,
+        found_next,
         spent.simulations,
         reused,
         spent.seconds,
@@ -281,44 +197,6 @@ def _fade_bands(
     return tuple(bands)
 
 
-def _errors(task: Task, best: Trial, plugins: Simulating, spent: _Spent) -> Errors:
-    """How far the search's residuals are off: by the record's noise, and by the mesh.
-
-    The error of the mesh hardly depends on the candidate: what one simulation on twice the points shows is added to the
-    residuals of all. The error falls with the square of the spacing, so that a third as much is left.
-    """
-    assert best.residuals is not None
-    floor = np.where(rows_of(task).signal == "", _FLOOR_OF_DURATIONS, NOISE_FLOOR)
-    deviation = np.hypot(noise_of_residuals(task), floor)
-    deviation *= misfit_by_kind(task, best.residuals / deviation)
-    (outcome,) = spent.counted(plugins.simulate([best.candidate], True), 1)
-    reference = residuals(task, outcome)
-    nothing = np.zeros(len(deviation))
-    if reference is None or rms(reference - best.residuals) > max(best.misfit, _NO_APPROXIMATION):
-        return Errors(deviation, nothing, nothing)
-    # A life takes minutes, and its tolerances are wider than what a mesh does.
-    finer = None if task.long else plugins.simulate_finer(best.candidate)
-    found = None if finer is None else residuals(task, finer)
-    shift = (reference if found is None else found) - best.residuals
-    doubt = nothing if found is None else (found - reference) / 3.0
-    return Errors(np.hypot(deviation, _OF_THE_MESH * shift), shift, doubt)
-
-
-def misfit_by_kind(task: Task, residual: FloatArray) -> FloatArray:
-    """Factors by which the residuals of spectra, and those over time, exceed their deviation; ones for a single kind.
-
-    A model that is tens of millivolts off the open-circuit curve may be right about the impedance within a few percent:
-    the misfit of one kind tells nothing of the other.
-    """
-    of_spectra = np.array([experiment.is_spectrum for experiment in task.experiments])[rows_of(task).record]
-    misfit = np.ones(len(residual))
-    if of_spectra.all() or not of_spectra.any():
-        return misfit
-    for kind in (of_spectra, ~of_spectra):
-        misfit[kind] = max(rms(residual[kind]), 1.0)
-    return misfit
-
-
 def _posterior(
     task: Task,
     trials: Sequence[Trial],
@@ -328,7 +206,7 @@ def _posterior(
     errors: Errors,
     prior: Prior,
     plugins: Simulating,
-    spent: _Spent,
+    spent: Spent,
 ) -> SimulatedPosterior:
     """A sample of the posterior in the unit box."""
     assert best.residuals is not None
@@ -354,7 +232,7 @@ def _posterior(
 
 
 def _jacobian(
-    task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulating, spent: _Spent
+    task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulating, spent: Spent
 ) -> tuple[FloatArray, int, tuple[str, ...], list[tuple[FloatArray, FloatArray]]]:
     """The Jacobian, how many of its columns the search knew, what could not be had, and what was simulated for it."""
     assert best.residuals is not None
@@ -384,58 +262,3 @@ def _jacobian(
     found = replace(known, columns=columns)
     unknown = tuple(space.names[place] for place in found.missing(len(space)))
     return found.matrix(len(best.residuals), len(space)), len(known.columns), unknown, looked
-
-
-def _suggestions(
-    task: Task,
-    best: Trial,
-    jacobian: FloatArray,
-    noise: float,
-    now: Mapping[str, float],
-    plugins: Simulating,
-    spent: _Spent,
-) -> tuple[tuple[Suggestion, ...], int]:
-    """Forecasts for the simulator's other protocols, or how many simulations the budget lacks for them.
-
-    What the records fix already is taken as known: a protocol is simulated only along the directions that
-    they leave open, which needs a few simulations instead of one for every parameter.
-    """
-    directions = open_directions(jacobian, noise)[:_MOST_DIRECTIONS]
-    protocols = plugins.next_protocols() if len(directions) else {}
-    if not protocols:
-        return (), 0
-    wanted = (1 + len(directions)) * len(protocols)
-    if wanted > spent.left:
-        return (), wanted - max(spent.left, 0)
-    temperature = task.experiments[0].temperature_k
-    nothing = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
-    experiments = tuple(
-        Experiment(name, nothing, protocol, None, temperature, _FULL) for name, protocol in protocols.items()
-    )
-    space = task.space
-    points = [beside(space, best.candidate, direction, _ALONG) for direction in directions]
-    candidates = [dict(best.candidate), *(space.from_unit(point) for point in points)]
-    outcomes = plugins.simulate_variant(candidates, experiments)
-    if outcomes is None:
-        return (), 0
-    here, *around = spent.counted(outcomes, len(experiments))
-    moved = np.array(points) - space.to_unit(best.candidate)
-    rows: dict[str, FloatArray] = {}
-    hours: dict[str, float] = {}
-    for place, experiment in enumerate(experiments):
-        run = here.runs[place]
-        if run.failure is not None or run.trajectory is None:
-            continue
-        alone = replace(task, experiments=(replace(experiment, target=run.trajectory),), held_out=())
-        changes = [residuals(alone, Outcome((outcome.runs[place],))) for outcome in around]
-        if any(change is None for change in changes):
-            continue
-        # The smallest matrix that maps the steps taken to the changes seen.
-        rows[experiment.name] = np.array(changes).T @ np.linalg.pinv(moved.T)
-        hours[experiment.name] = run.trajectory.duration / 3600.0
-    forecasts = what_to_measure_next(jacobian, rows, now, noise)
-    found = (
-        Suggestion(forecast.protocol, protocols[forecast.protocol], hours[forecast.protocol], forecast)
-        for forecast in forecasts
-    )
-    return tuple(found), 0

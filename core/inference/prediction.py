@@ -22,7 +22,7 @@ from ..task import Experiment, Task
 from ..thinning import SAMPLES_OF_DRIVES
 from ..trajectory import FloatArray, Trajectory
 from .identifiability import DRAWS_OF_A_LIFE
-from .post_fit_analysis import Simulating
+from .simulating import Simulating
 
 HELD_OUT = "held-out"
 """Journal event that holds the predictions of the best trial."""

@@ -60,23 +60,6 @@ _LIKELIER = 0.95
 
 
 @dataclass(frozen=True, eq=False)
-class Errors:
-    """How far residuals are off, whatever the candidate, in tolerances; arrays of shape (m,)."""
-
-    deviation: FloatArray  # Standard deviation of each, independent of the others.
-    shift: FloatArray  # What is known of the mesh of the search: to be added to its residuals.
-    doubt: FloatArray  # Standard deviation of what is not, all of it of one sign.
-
-    def whitened(self, residual: FloatArray) -> FloatArray:
-        """Residuals of the search whose errors are independent and of deviation one."""
-        scaled, doubt = (residual + self.shift) / self.deviation, self.doubt / self.deviation
-        power = float(doubt @ doubt)
-        if power == 0.0:
-            return np.asarray(scaled)
-        return np.asarray(scaled - (1.0 - 1.0 / np.sqrt(1.0 + power)) * doubt * float(doubt @ scaled) / power)
-
-
-@dataclass(frozen=True, eq=False)
 class SimulatedPosterior:
     """A sample, and what it stands on."""
 

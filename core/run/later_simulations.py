@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from ..encoding import decode_outcome, encode_outcome
-from ..inference.post_fit_analysis import Simulating
+from ..inference.simulating import Simulating
 from ..parameters import Candidate
 from ..simulation import Outcome
 from ..task import Experiment, Protocol

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 from ...core.comparison.residuals import DURATION_TOLERANCE
 from ...core.domain import Domain
-from ...core.inference.post_fit_analysis import PostFitAnalysis, Suggestion
+from ...core.inference.measure_next import Suggestion
+from ...core.inference.post_fit_analysis import PostFitAnalysis
 from ...core.metrics import Metrics, objective_of
 from ...core.printable import counted
 from ...core.task import Task

@@ -1,7 +1,7 @@
 """What the records say where the numerical fit stands: what they do not fix, and what cannot be told apart."""
 
 from ....core.inference.identifiability import effective_noise, identify
-from ....core.inference.post_fit_analysis import NOISE_FLOOR
+from ....core.inference.residual_errors import NOISE_FLOOR
 from ....core.parameters import Candidate, ParameterSpace
 from ....core.trajectory import FloatArray
 

@@ -8,7 +8,7 @@ from bsa.core.comparison.residuals import residuals, rows_of
 from bsa.core.comparison.signal_metrics import signal_errors
 from bsa.core.comparison.spectrum_record import inductive_points, parts_of, recorded_spectrum, spectrum_record
 from bsa.core.errors import BsaError
-from bsa.core.inference.post_fit_analysis import misfit_by_kind
+from bsa.core.inference.residual_errors import misfit_by_kind
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.spectrum import ImpedanceSpectrum

@@ -2,7 +2,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from bsa.core.inference.simulated_posterior import Errors, _spread_within, simulated_posterior
+from bsa.core.inference.simulated_posterior import _spread_within, simulated_posterior
 from bsa.core.prior import Prior
 
 Simulate = Callable[[np.ndarray], list[np.ndarray | None]]
@@ -78,17 +78,6 @@ def test_a_fit_that_stopped_short_is_told_from_one_that_is_as_likely_as_the_draw
     found = simulated_posterior(start, list(line(start)), slopes, simulate, NO_PRIOR)
     assert asked
     assert found.holds_best == held
-
-
-def test_an_error_of_one_sign_costs_little_and_others_as_much_as_before() -> None:
-    doubt = np.array([3.0, 4.0, 0.0])
-    errors = Errors(np.ones(3), np.array([0.5, 0.0, 0.0]), doubt)
-    alone = errors.whitened(doubt - errors.shift)
-    assert alone @ alone == pytest.approx(25.0 / 26.0)
-    across = np.array([4.0, -3.0, 1.0])
-    assert errors.whitened(across - errors.shift) == pytest.approx(across)
-    plain = Errors(np.full(3, 2.0), np.zeros(3), np.zeros(3))
-    assert plain.whitened(doubt) == pytest.approx(doubt / 2.0)
 
 
 @pytest.mark.slow

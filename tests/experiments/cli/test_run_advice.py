@@ -9,7 +9,8 @@ import pytest
 from bsa.core.cell import CELL
 from bsa.core.inference.forecast import Forecast
 from bsa.core.inference.identifiability import Identifiability, Interval
-from bsa.core.inference.post_fit_analysis import PostFitAnalysis, Suggestion
+from bsa.core.inference.measure_next import Suggestion
+from bsa.core.inference.post_fit_analysis import PostFitAnalysis
 from bsa.core.run.journal import read_events
 from bsa.core.run.run_config import RunConfig
 from bsa.experiments.cli.run import _execute, _how_to_go_on, _print_summary

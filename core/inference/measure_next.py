@@ -1,0 +1,89 @@
+"""Which further record would narrow most of what the records leave open."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..comparison.residuals import residuals
+from ..simulation import Outcome
+from ..task import Experiment, Task
+from ..task import Protocol as StepProtocol
+from ..trajectory import FloatArray, Trajectory
+from ..trial import Trial
+from .derivatives import beside
+from .forecast import Forecast, what_to_measure_next
+from .identifiability import open_directions
+from .simulating import Simulating, Spent
+
+_ALONG = 0.02
+"""Step along an undetermined direction: longer than a finite difference, since the residuals change little along it."""
+
+_MOST_DIRECTIONS = 6
+
+_FULL = 1.0
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """A further record, and what it would do."""
+
+    name: str  # ``"C/20 discharge"``.
+    protocol: StepProtocol  # Its cycles of steps, from a fully charged cell.
+    hours: float  # How long the fitted cell takes for it, h.
+    forecast: Forecast  # The intervals with it.
+
+
+def suggestions(
+    task: Task,
+    best: Trial,
+    jacobian: FloatArray,
+    noise: float,
+    now: Mapping[str, float],
+    plugins: Simulating,
+    spent: Spent,
+) -> tuple[tuple[Suggestion, ...], int]:
+    """Forecasts for the simulator's other protocols, or how many simulations the budget lacks for them.
+
+    What the records fix already is taken as known: a protocol is simulated only along the directions that
+    they leave open, which needs a few simulations instead of one for every parameter.
+    """
+    directions = open_directions(jacobian, noise)[:_MOST_DIRECTIONS]
+    protocols = plugins.next_protocols() if len(directions) else {}
+    if not protocols:
+        return (), 0
+    wanted = (1 + len(directions)) * len(protocols)
+    if wanted > spent.left:
+        return (), wanted - max(spent.left, 0)
+    temperature = task.experiments[0].temperature_k
+    nothing = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
+    experiments = tuple(
+        Experiment(name, nothing, protocol, None, temperature, _FULL) for name, protocol in protocols.items()
+    )
+    space = task.space
+    points = [beside(space, best.candidate, direction, _ALONG) for direction in directions]
+    candidates = [dict(best.candidate), *(space.from_unit(point) for point in points)]
+    outcomes = plugins.simulate_variant(candidates, experiments)
+    if outcomes is None:
+        return (), 0
+    here, *around = spent.counted(outcomes, len(experiments))
+    moved = np.array(points) - space.to_unit(best.candidate)
+    rows: dict[str, FloatArray] = {}
+    hours: dict[str, float] = {}
+    for place, experiment in enumerate(experiments):
+        run = here.runs[place]
+        if run.failure is not None or run.trajectory is None:
+            continue
+        alone = replace(task, experiments=(replace(experiment, target=run.trajectory),), held_out=())
+        changes = [residuals(alone, Outcome((outcome.runs[place],))) for outcome in around]
+        if any(change is None for change in changes):
+            continue
+        # The smallest matrix that maps the steps taken to the changes seen.
+        rows[experiment.name] = np.array(changes).T @ np.linalg.pinv(moved.T)
+        hours[experiment.name] = run.trajectory.duration / 3600.0
+    forecasts = what_to_measure_next(jacobian, rows, now, noise)
+    found = (
+        Suggestion(forecast.protocol, protocols[forecast.protocol], hours[forecast.protocol], forecast)
+        for forecast in forecasts
+    )
+    return tuple(found), 0
