@@ -51,6 +51,7 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "knees": real_cells.by_weight,
     "jacobian": real_cells.by_jacobian,
     "low-fidelity": published.led_and_alone,
+    "published-led": published.led,
     "low-fidelity-cells": real_cells.led_and_alone,
     "nearest-potentials": real_cells.by_potentials,
     "nearest-set": real_cells.by_start,
