@@ -81,7 +81,8 @@ def led(results: Results) -> str:
     remarks = [
         f"* After {EARLY} simulations: median {_median(soon)} % ({_median(soon_before)} in the main table; aim: "
         f"{_AIM}), mean {_mean(soon)} % ({_mean(soon_before)}); {sum(error < _AIM for error in soon)} of {len(rows)} "
-        f"below {_AIM} %. Not below the paper's best row, of 100 simulations: {', '.join(above) or 'none'} (aim: none).",
+        f"below {_AIM} %. Not below the paper's best row, of 100 simulations: {', '.join(above) or 'none'} (aim: "
+        f"none).",
         f"* At the end: median {_median(_errors(rows))} % ({_median(_errors(before))}), worst {brief(worst['mape'])} % "
         f"({worst['task']}).",
     ]
