@@ -6,20 +6,22 @@ import numpy as np
 
 from ..trajectory import FloatArray
 
-_POOR = 0.2
-"""Share of what was predicted that a step must gain to be no failure."""
+POOR = 0.2
+"""Share of what was predicted below which a step's gain is poor."""
 
 
 class GuidedSteps(ABC):
     """Steps to where a model of the residuals expects the least cost.
 
-    A step fails if it gains hardly anything of what was predicted, less than is worth a simulation, or less than
+    A step fails if its gain is poor, less than is worth a simulation, or less than
     ``least_share`` of the cost. After ``patience`` failures in a row the model is asked no more.
 
     Parameters
     ----------
     radius : float
         Longest step of a coordinate.
+    patience : float
+        Failures in a row that are borne.
 
     Attributes
     ----------
@@ -64,7 +66,7 @@ class GuidedSteps(ABC):
         self, here: FloatArray, there: FloatArray, residual: FloatArray | None, gained: float, cost: float, worth: float
     ) -> None:
         """Take in a step from a point of this cost to one with these residuals; None if it failed."""
-        least = max(worth, _POOR * self.promised, self.least_share * cost)
+        least = max(worth, POOR * self.promised, self.least_share * cost)
         self._failures = self._failures + 1 if gained <= least else 0
         if self._led_astray(residual, gained):
             self._reach = 0.5 * float(np.max(np.abs(there - here)))

@@ -33,7 +33,7 @@ from ..trajectory import FloatArray
 from .differences import Differences
 from .emulated_steps import EmulatedSteps
 from .fit_settings import Box, Settings
-from .guided_steps import GuidedSteps
+from .guided_steps import POOR, GuidedSteps
 from .led_steps import LedSteps
 from .low_fidelity import LowFidelity
 
@@ -44,8 +44,8 @@ Ending = Literal["", "failed", "perfect", "noise", "misfit", "no progress", "blo
 it would gain less than the misfit leaves uncertain; steps gain next to nothing although more is predicted; no neighbour
 of the best point could be simulated, so that nothing is known of what is left to gain."""
 
-_GOOD, _POOR = 0.6, 0.2
-"""Actual over predicted reduction: above the first the damping falls, below the second it grows."""
+_GOOD = 0.6
+"""Actual over predicted reduction above which the damping falls; below `POOR` it grows."""
 
 _LESS, _MORE, _MUCH_MORE = 0.2, 4.0, 8.0
 """Factors of the damping: after a good step, after a poor one, and after a failed one until the next is short."""
@@ -427,11 +427,11 @@ class LeastSquares:
         if not failed:
             assert residual is not None
             self.point, self.residual = point, residual
-            self.damping = max(self.damping * (_LESS if ratio > _GOOD else _MORE if ratio < _POOR else 1.0), _LEAST)
+            self.damping = max(self.damping * (_LESS if ratio > _GOOD else _MORE if ratio < POOR else 1.0), _LEAST)
         if fresh or not failed:
             self._known_damping = self.damping
         # On a fresh Jacobian a failed step was too long; else it may be the Jacobian that is wrong.
-        self._poor_steps = self._poor_steps + 1 if ratio < _POOR and not (failed and fresh) else 0
+        self._poor_steps = self._poor_steps + 1 if ratio < POOR and not (failed and fresh) else 0
         # Of an updated Jacobian an emulator knows more, once its simulations have shown how the slopes change.
         if self._poor_steps >= _POOR_STEPS or (not self._fresh and self._emulator_knows(_KNOWS_MORE)):
             self._leave_linear_steps()

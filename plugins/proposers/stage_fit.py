@@ -259,7 +259,6 @@ class StageFit(Stage):
         # What does not suffice for another Jacobian is left to later stages, if there are any.
         reckoned = limit if self._left >= simulations_left else None
         points = self._search.ask(reckoned) if limit > 0 else []
-        self.wanting = 0
         if (not points or self.takes_slopes) and self._improved():
             before, self._noise = self._noise, self._misfit_noise()
             known, fresh = self._search.jacobian, bool(np.isfinite(self._search.predicted))

@@ -25,9 +25,9 @@ _AGAINST = re.compile(r"\s+vs\. Ref\.$")
 """Stands behind the unit of a voltage, whether there is a reference electrode or not."""
 
 
-def is_gamry_s(lines: Sequence[str]) -> bool:
-    """Whether the first of the lines is that of a Gamry file."""
-    return bool(lines) and lines[0].startswith(_FIRST_LINE)
+def is_gamry_s(text: str) -> bool:
+    """Whether a text, or its first line, is that of a Gamry file."""
+    return text.startswith(_FIRST_LINE)
 
 
 def gamry_table(text: str, source: str, options: ReadOptions) -> Table | None:
@@ -77,7 +77,7 @@ def gamry_spectrum(text: str, source: str) -> Table | None:
 
 def _lines(text: str) -> Sequence[str]:
     """The lines of a Gamry file; none of another text."""
-    return lines_of(text) if text.startswith(_FIRST_LINE) else []
+    return lines_of(text) if is_gamry_s(text) else []
 
 
 def _rows_below(lines: Sequence[str], first: int) -> range:

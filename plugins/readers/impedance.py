@@ -92,7 +92,7 @@ class ImpedanceCsv:
         Of Gamry's files, whose spectrum stands far below, whether there is one.
         """
         lines = first_lines(path, _HEAD_LINES) if is_text_table(path) else []
-        if is_gamry_s(lines[:1]):
+        if is_gamry_s("".join(lines[:1])):
             return gamry_spectrum(load_text(path)[0], path.name) is not None
         for place, line in enumerate(lines):
             header = re.split(_SEPARATORS, line)
