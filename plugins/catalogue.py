@@ -101,6 +101,7 @@ def bsa_proposers() -> Iterable[Entry]:
 @hookimpl
 def bsa_readers() -> Iterable[Entry]:
     """Files of cyclers."""
+    from .readers.arbin_res import ArbinRes
     from .readers.arbin_xlsx import ArbinXlsx
     from .readers.bdf import BdfCsv, BdfParquet
     from .readers.biologic import BioLogicMpr
@@ -116,6 +117,7 @@ def bsa_readers() -> Iterable[Entry]:
     )
     yield Entry("bdf-parquet", lambda options: BdfParquet(), "Battery Data Format as Parquet (extra: readers).", api=1)
     yield Entry("arbin-xlsx", lambda options: ArbinXlsx(), "Arbin workbooks, or a folder of them.", api=1)
+    yield Entry("arbin-res", lambda options: ArbinRes(), "Arbin .res databases (extra: readers).", api=1)
     yield Entry("digatron-csv", lambda options: DigatronCsv(), "Digatron exports: Prog Time, Voltage, Current.", api=1)
     yield Entry(
         "impedance-csv",

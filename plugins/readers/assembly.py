@@ -9,13 +9,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.printable import listed, shown
+from ...core.printable import counted, listed, shown, were
 from ...core.reading.clock import RESTART_S
 from ...core.reading.samples import Extra, Samples
 from ...core.record import ReadOptions
 from ...core.trajectory import FloatArray
 from .columns import EXTRA, Column, ambient_in, may_be_temperatures, named, resolve, unit_of
 from .dates import clock_s, elapsed_s, exchanged, is_clock_or_date, is_date, is_of_days, seconds_of
+from .impedance_columns import spectrum_columns
 from .several_cells import refuse_several_cells, telling_cells
 from .state_sign import NAMES as STATES
 from .state_sign import with_signs
@@ -72,7 +73,9 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
     cells = [] if options.join else telling_cells(table.header, {*taken, *places.values()})
     state = named(table.header, STATES) if "current" in found else None
     beside = [place for place in (state, ambient.index if ambient else None) if place is not None]
-    texts = [*places.values(), *beside, *([time.index] if in_words else []), *cells]
+    impedance = spectrum_columns(table.header, {})
+    of_spectra = [] if impedance is None else [impedance.frequency, impedance.first, impedance.second]
+    texts = [*places.values(), *beside, *([time.index] if in_words else []), *cells, *of_spectra]
     read = table.numbers({column.index: column.name for column in numeric}, options.where, texts)
     refuse_several_cells(table.header, {place: read.texts[place] for place in cells}, table.source)
     signals = {column.signal: column.in_si(read.values[column.index]) for column in numeric}
@@ -95,7 +98,7 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
         if signed is not None:
             signals["current"] = signed
             told = [f'the current has the sign of the state of each row (column "{shown(table.header[state])}").']
-    return Samples(
+    samples = Samples(
         source=table.source,
         rows=read.rows,
         time=times.seconds,
@@ -118,6 +121,22 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
         day_first=times.day_first,
         extra=extra,
     )
+    return _without_spectra(samples, [numbers(read.texts[place], table.decimal_comma) for place in of_spectra])
+
+
+def _without_spectra(samples: Samples, impedance: Sequence[FloatArray]) -> Samples:
+    """The samples of a record between whose steps spectra were measured, without their rows.
+
+    ``impedance`` is a frequency and both parts of an impedance in each row, where the table has such columns.
+    """
+    if not impedance:
+        return samples
+    frequency, *parts = impedance
+    of_spectra = (frequency > 0) & np.isfinite(parts).all(axis=0) & np.any(parts, axis=0)
+    count = int(np.count_nonzero(of_spectra))
+    if count in (0, len(samples)):
+        return samples
+    return samples.kept(~of_spectra, f"{counted(count, 'row')} of an impedance spectrum {were(count)} left out.")
 
 
 def _places_of_extra(header: Sequence[str], taken: Container[int]) -> dict[Extra, int]:

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -14,13 +13,14 @@ from ...core.errors import BsaError
 from ...core.printable import counted, listed, shown, were
 from ...core.reading.clock import choice_of
 from ...core.reading.samples import Mask
-from ...core.record import ImpedancePart, ReadOptions
+from ...core.record import ReadOptions
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.trajectory import FloatArray
 from .assembly import AnyTable, kelvin, numbers, told_apart_by
-from .columns import NAMES, Column, ambient_in, half_cell, named, signal_of, split_name, unit_of
+from .columns import NAMES, Column, ambient_in, half_cell, named, signal_of, unit_of
 from .gamry import gamry_spectrum, is_gamry_s
 from .generic_csv import first_lines, is_text_table
+from .impedance_columns import SpectrumColumns, base_of, spectrum_columns
 from .source import load_text
 from .table import Numbers, find_table, no_column, split
 
@@ -30,13 +30,6 @@ _MIN_POINTS = 5
 _MOSTLY = 0.5
 """Share of the first rows without a frequency from which a table with columns of both is a record."""
 
-_PARTS: Mapping[ImpedancePart, tuple[str, ...]] = {
-    "frequency": ("actfreq", "freq", "frequency", "f", "omega", "omegarad", "angularfrequency", "ω", "ωrad"),
-    "real": ("zreal", "zreal1", "zre", "rez", "re", "real"),
-    "imaginary": ("zimag", "zimg", "zimg1", "zimag1", "zim", "imz", "im", "imag", "imaginary"),
-    "magnitude": ("z", "absz", "zabs", "modz", "zmod", "magz", "zmag", "magnitude", "modulus"),
-    "phase": ("phasez", "zphz", "zphase", "phase", "phaseangle", "phasedeg", "phi", "theta"),
-}
 _OHM: Mapping[str, float] = {
     **dict.fromkeys(["ohm", "ohms", "ω"], 1.0),
     **dict.fromkeys(["mohm", "mohms", "mω", "milliohm"], 1e-3),
@@ -65,17 +58,6 @@ class ImpedanceOptions(BaseModel, extra="forbid", frozen=True):
     )
 
 
-@dataclass(frozen=True)
-class _Columns:
-    """Places of the three columns."""
-
-    frequency: int
-    first: int  # Real part, or magnitude.
-    second: int  # Imaginary part, or phase.
-    polar: bool  # Whether it is a magnitude and a phase.
-    turned: bool  # Whether the imaginary part, or the phase, is written with its sign turned.
-
-
 class ImpedanceCsv:
     """Reads a frequency with a real and an imaginary part, or a magnitude and a phase, from a text table.
 
@@ -96,7 +78,7 @@ class ImpedanceCsv:
             return gamry_spectrum(load_text(path)[0], path.name) is not None
         for place, line in enumerate(lines):
             header = re.split(_SEPARATORS, line)
-            columns = _columns(header, {})
+            columns = spectrum_columns(header, {})
             if columns is not None:
                 separator = max(_SEPARATORS[1:-1], key=line.count)
                 rows = [split(row, separator) for row in lines[place + 1 :]]
@@ -108,11 +90,6 @@ class ImpedanceCsv:
         text, notes = load_text(path)
         source = shown(path.name)
         return spectrum_of(gamry_spectrum(text, source) or find_table(text, source), options, self._unit, notes)
-
-
-def holds_spectrum(header: Sequence[str]) -> bool:
-    """Whether the columns are those of an impedance spectrum."""
-    return _columns(header, {}) is not None
 
 
 def _is_of_a_record(header: Sequence[str], frequencies: Sequence[Sequence[str]]) -> bool:
@@ -188,13 +165,13 @@ def spectrum_of(
     )
 
 
-def _columns_of(table: AnyTable, options: ReadOptions) -> _Columns:
+def _columns_of(table: AnyTable, options: ReadOptions) -> SpectrumColumns:
     """The columns of a table's spectrum. Raises `BsaError` if one is not there or cannot be told."""
     said = options.impedance_columns
     for name in said.values():
         if name not in table.header:
             raise no_column(name, table.header, table.source)
-    found = _columns(table.header, said)
+    found = spectrum_columns(table.header, said)
     if found is None:
         raise BsaError(
             f"{table.source} has no columns for frequency with real and imaginary impedance, or with magnitude and "
@@ -203,32 +180,6 @@ def _columns_of(table: AnyTable, options: ReadOptions) -> _Columns:
             "in place of these two).",
         )
     return found
-
-
-def _columns(header: Sequence[str], said: Mapping[ImpedancePart, str]) -> _Columns | None:
-    """The columns of a spectrum, by what a person says of them and by their names."""
-    bases = [_base(name) for name in header]
-    places = {
-        part: header.index(said[part])
-        if part in said
-        else next((bases.index(name) for name in names if name in bases), None)
-        for part, names in _PARTS.items()
-    }
-    kinds: list[tuple[ImpedancePart, ImpedancePart]] = [("real", "imaginary"), ("magnitude", "phase")]
-    kinds.sort(key=lambda parts: -sum(part in said for part in parts))
-    frequency = places["frequency"]
-    for one, other in kinds:
-        first, second = places[one], places[other]
-        if frequency is not None and first is not None and second is not None:
-            turned = header[second].strip().startswith("-")
-            return _Columns(frequency, first, second, one == "magnitude", turned)
-    return None
-
-
-def _base(name: str) -> str:
-    """The name without its unit and sign; Z' is the real part, Z'' the imaginary one."""
-    spelt = name.replace("''", "imag").replace('"', "imag").replace("'", "real")
-    return split_name(spelt.strip())[0]
 
 
 def _check_sweep(table: AnyTable, options: ReadOptions, read: Numbers, frequency: FloatArray, kept: Mask) -> None:
@@ -255,7 +206,7 @@ def _ohms(table: AnyTable, place: int, said: str | None) -> tuple[float, tuple[s
         if unit.casefold() not in _OHM:
             raise _unknown_unit(table, name, unit, "impedance", "say --reader-option unit=ohm or mohm.")
         return _OHM[unit.casefold()], ()
-    taken = "mohm" if _base(name) == _DIGATRON else "ohm"
+    taken = "mohm" if base_of(name) == _DIGATRON else "ohm"
     note = (
         f'"{shown(name)}" has no unit of impedance; it was taken to be in {taken} (--reader-option unit=ohm or mohm).'
     )

@@ -97,7 +97,7 @@ FILES: dict[str, Callable[[Path], Path]] = {
 }
 
 
-BESIDE_THEIR_FILES = {"neware", "biologic-mpr", "maccor-text", "matlab"}
+BESIDE_THEIR_FILES = {"neware", "arbin-res", "biologic-mpr", "maccor-text", "matlab"}
 """Readers of files that a test of their own makes byte by byte, and that are held to their promise there."""
 
 OF_SPECTRA = {"impedance-csv"}

@@ -58,3 +58,14 @@ def test_an_ambient_temperature_in_an_unknown_unit_is_not_used(tmp_path):
     said = read_record(path, ReadOptions(ambient_c=5.0))
     assert said.ambient_k == 278.15
     assert not any("degR" in note for note in said.notes)
+
+
+@pytest.mark.parametrize("absent", ["", "NaN", "0"])
+def test_spectra_between_the_steps_of_a_record_are_left_out(tmp_path, absent):
+    path = tmp_path / "a.csv"
+    rows = [f"{60 * k},{4 - 0.01 * k},-1,{absent},{absent},{absent}" for k in range(30)]
+    rows[20:20] = [f"{1200 + k},-3.7865,0,{10.0**-k},0.03,{-0.01 * k}" for k in range(5)]
+    path.write_text("\n".join(["Time_s,Voltage_V,Current_A,Frequency_Hz,Z_Real_Ohm,Z_Imag_Ohm", *rows]))
+    record = read_record(path)
+    assert record.trajectory.voltage.min() > 3.0
+    assert any("5 rows of an impedance spectrum were left out" in note for note in record.notes)

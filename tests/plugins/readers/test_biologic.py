@@ -47,6 +47,55 @@ def test_a_binary_record(tmp_path):
     assert record.trajectory.current.max() == 1.5
 
 
+GALVANOSTATIC, POTENTIOSTATIC, REST = 1, 2, 3
+
+
+def of_cycling(path: Path, control: int | None = 5, charge: int | None = 13) -> np.ndarray:
+    """A file as galvanostatic cycling writes it: a rest, 2 mA, a hold and a rest. Returns its current, mA."""
+    mode = np.select([TIME < 200, TIME < 900, TIME < 1100], [REST, GALVANOSTATIC, POTENTIOSTATIC], REST)
+    amount = np.select([mode == GALVANOSTATIC, mode == POTENTIOSTATIC], [2.0, 2.0 * np.exp(-(TIME - 890) / 100)], 0.0)
+    since = np.append(0.0, amount[1:] * 10 / 3600)
+    columns = {4: ("<f8", TIME), 6: ("<f4", np.full(N, 3.9)), 1: ("u1", mode)}
+    columns |= {charge: ("<f8", np.cumsum(since) if charge == 13 else since)} if charge else {}
+    columns |= {control: ("<f4", np.where(mode == GALVANOSTATIC, 2.0, 3.9))} if control else {}
+    mpr(path, columns)
+    return amount
+
+
+@pytest.mark.parametrize("control", [5, 20, None])
+@pytest.mark.parametrize("charge", [7, 13, 23])
+def test_a_file_without_a_current_has_that_of_its_charge(tmp_path, control, charge):
+    path = tmp_path / "a.mpr"
+    amount = of_cycling(path, control, charge)
+    record = read_record(path)
+    np.testing.assert_allclose(-1e3 * record.trajectory.current, amount, atol=1e-9)
+    assert any("holds no current" in note for note in record.notes)
+
+
+def test_a_current_that_is_set_begins_with_its_step(tmp_path):
+    path = tmp_path / "a.mpr"
+    time = np.repeat(TIME[::2], 2) + np.tile([0.0, 0.002], N // 2)  # the first sample of a step, 2 ms behind the last
+    mode = np.where(time < 201, REST, GALVANOSTATIC)
+    drawn = np.where(mode == GALVANOSTATIC, 2.0 * (time - 200.0) / 3600, 0.0)
+    columns = {4: ("<f8", time), 6: ("<f4", np.full(N, 3.9)), 1: ("u1", mode), 13: ("<f8", drawn)}
+    mpr(path, {**columns, 5: ("<f4", np.where(mode == GALVANOSTATIC, 2.0, 0.0))})
+    current = read_record(path).trajectory.current
+    np.testing.assert_allclose(current[mode == GALVANOSTATIC], -2e-3)
+    assert not current[mode == REST].any()
+
+
+def test_a_rest_without_a_charge_has_no_current(tmp_path):
+    path = tmp_path / "a.mpr"
+    mpr(path, {4: ("<f8", TIME), 6: ("<f4", VOLTS), 1: ("u1", np.full(N, REST))})
+    assert not read_record(path).trajectory.current.any()
+
+
+def test_a_load_of_which_nothing_tells_the_current_is_refused(tmp_path):
+    of_cycling(tmp_path / "a.mpr", charge=None)
+    with pytest.raises(BsaError, match="no column for current"):
+        read_record(tmp_path / "a.mpr")
+
+
 def test_a_binary_spectrum(tmp_path):
     path = tmp_path / "a.mpr"
     parts = {32: ("<f4", FREQUENCY), 37: ("<f4", IMPEDANCE.real), 38: ("<f4", -IMPEDANCE.imag)}
