@@ -41,8 +41,8 @@ _FACTORS: Mapping[Signal, Mapping[str, float]] = {
         **dict.fromkeys(_FAHRENHEIT, 5.0 / 9.0),
     },
 }
-_OF_SPECTRA = ("hz", "khz", "ohm", "ohms", "mohm", "deg", "degree", "degrees", "rad")
-"""Units of frequency, impedance and phase that may end a name: ``Z_Real_Ohm``."""
+_OTHERS = ("ah", "mah", "hz", "khz", "ohm", "ohms", "mohm", "deg", "degree", "degrees", "rad")
+"""Units of charge, frequency, impedance and phase that may end a name: ``Charge_Capacity_Ah``, ``Z_Real_Ohm``."""
 
 _OFFERED: Mapping[Signal, str] = {
     "time": "s, ms, min, h or d",
@@ -164,7 +164,7 @@ def split_name(name: str) -> tuple[str, str | None]:
     if slashed and slashed["base"] and slashed["unit"].casefold() not in _CLOCKS:
         return _folded(slashed["base"]), slashed["unit"].strip() or None
     suffixed = _SUFFIX.match(name)
-    if suffixed and any(suffixed["unit"].casefold() in units for units in (*_FACTORS.values(), _OF_SPECTRA)):
+    if suffixed and any(suffixed["unit"].casefold() in units for units in (*_FACTORS.values(), _OTHERS)):
         return _folded(suffixed["base"]), suffixed["unit"]
     folded = _folded(name)
     return folded, name.strip() if any(folded in units for units in _UNIT_NAMES.values()) else None

@@ -27,6 +27,11 @@ def test_the_unit_of_a_counter_may_stand_beneath_its_name():
     np.testing.assert_allclose(samples("Time,Voltage,AhAccu\n[s],[V],[Ah]", "250").extra["net_ah"], 250.0)
 
 
+@pytest.mark.parametrize(("name", "charged_ah"), [("Charge_Capacity_Ah", 250.0), ("Charge_Capacity_mAh", 0.25)])
+def test_the_unit_of_a_counter_may_end_its_name(name, charged_ah):
+    np.testing.assert_allclose(samples(f"Time [s],U [V],{name}", "250").extra["charged_ah"], charged_ah)
+
+
 def test_decimal_commas_of_counters_and_of_the_ambient_temperature_are_read():
     found = samples("Zeit[s];U[V];Ah[Ah];Ambient Temperature [°C]", "0,25", "24,5", separator=";").extra
     np.testing.assert_allclose(found["net_ah"], 0.25)
