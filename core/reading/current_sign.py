@@ -13,6 +13,9 @@ BOTH_WAYS_V = 0.5
 """Under a current of one sign the voltage moves one way. After a larger load it recovers against a small one, by up to
 some tenths of a volt; a move of more than this, in V, is a charge or a discharge."""
 
+_TELLING_V = 0.02
+"""A voltage that moves by less, in V, shows noise and relaxation: it tells nothing of the current's sign."""
+
 
 def with_sign(samples: Samples, options: ReadOptions) -> Samples:
     """Turn the current positive on discharge, after asking the voltage whether the stated sign can be true.
@@ -69,14 +72,14 @@ def _discharge_positive(samples: Samples) -> tuple[float, int, int]:
     moves = voltage[last] - voltage[first]
     total = float(np.sum(np.abs(moves)))
     best = int(np.argmax(np.abs(moves)))
-    trend = float(-np.sum(signs[first] * moves)) / total if total > 0.02 else 0.0
+    trend = float(-np.sum(signs[first] * moves)) / total if total > _TELLING_V else 0.0
     if np.all(signs >= 0) or np.all(signs <= 0):
         if total > BOTH_WAYS_V and abs(trend) < 0.5:
             raise _sizes_only(samples, first, last)
         _refuse_both_ways(samples)
     steps, answers = np.diff(current), np.diff(voltage)
     size = float(np.sqrt(np.sum(steps**2) * np.sum(answers**2)))
-    jump = -float(np.sum(steps * answers)) / size if size > 0 else 0.0
+    jump = -float(np.sum(steps * answers)) / size if size > 0 and np.ptp(voltage) > _TELLING_V else 0.0
     # Trend and switches tell the same; where they contradict each other, neither counts.
     evidence = trend if abs(trend) >= 0.3 else jump
     if trend * jump < 0 and abs(jump) > 0.5:

@@ -1,6 +1,5 @@
 """Arbin ``.res`` files, which are Access databases, decoded by access-parser."""
 
-import logging
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from ...core.record import ReadOptions
 from ...core.trajectory import FloatArray
 from .arrays import ArrayTable
 from .assembly import read_table
-from .source import MAX_BYTES, decoding
+from .source import MAX_BYTES, decoding, silence
 
 _SAMPLES, _AUXILIARY = "Channel_Normal_Table", "Auxiliary_Table"
 """Tables of the samples, and of what further inputs measured at them."""
@@ -56,7 +55,7 @@ class ArbinRes:
         if path.stat().st_size > MAX_BYTES:
             raise BsaError(f"{source} holds more than {MAX_BYTES // 2**20} MiB.", "export the record as CSV or .xlsx.")
         parser = require("access_parser", "readers", f"{source} (Arbin)")
-        logging.getLogger("access_parser").setLevel(logging.CRITICAL)  # what it has to say stands in the message below
+        silence("access_parser")
         with decoding(source, "Arbin file that is understood", "export it as CSV or .xlsx from Arbin's Data Watcher."):
             database = parser.AccessParser(str(path))
             table = database.parse_table(_SAMPLES)

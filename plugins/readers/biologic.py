@@ -17,7 +17,7 @@ from .arrays import ArrayTable
 from .assembly import read_table
 from .columns import signal_of
 from .impedance import spectrum_of
-from .impedance_columns import holds_spectrum
+from .impedance_columns import is_of_a_record, spectrum_columns
 from .source import MAX_BYTES, decoding
 
 _TIME = "time/s"
@@ -32,7 +32,7 @@ _GALVANOSTATIC, _REST = 1, 3
 
 
 class BioLogicMpr:
-    """Reads what EC-Lab and BT-Lab save; a file with frequencies and impedances is a spectrum.
+    """Reads what EC-Lab and BT-Lab save; a file whose rows have frequencies and impedances is a spectrum.
 
     Galvanostatic cycling is saved without a current, which EC-Lab works out where it shows or exports the file; it is
     worked out here in the same way.
@@ -62,7 +62,10 @@ class BioLogicMpr:
                     "that of the charge since the sample before."
                 ]
         table = ArrayTable(source, tuple(columns), list(columns.values()))
-        return spectrum_of(table, options) if holds_spectrum(table.header) else read_table(table, options, notes)
+        impedance = spectrum_columns(table.header, {})
+        if impedance is None or is_of_a_record(table.header, table.columns[impedance.frequency]):
+            return read_table(table, options, notes)
+        return spectrum_of(table, options)
 
 
 def _current(file: Any, columns: Mapping[str, FloatArray]) -> FloatArray | None:

@@ -34,6 +34,7 @@ _FACTORS: Mapping[Signal, Mapping[str, float]] = {
     "current": {
         **dict.fromkeys(["a", "amp", "amps", "ampere", "amperes"], 1.0),
         **dict.fromkeys(["ma", "milliamp", "milliamps", "milliampere"], 1e-3),
+        **dict.fromkeys(["ua", "μa", "microamp", "microamps", "microampere"], 1e-6),
     },
     "temperature": {
         **dict.fromkeys(["degc", "°c", "c", "celsius", "deg c", "degreecelsius", "degree_celsius", "dc", "t1"], 1.0),
@@ -47,7 +48,7 @@ _OTHERS = ("ah", "mah", "hz", "khz", "ohm", "ohms", "mohm", "deg", "degree", "de
 _OFFERED: Mapping[Signal, str] = {
     "time": "s, ms, min, h or d",
     "voltage": "V or mV",
-    "current": "A or mA",
+    "current": "A, mA or uA",
     "temperature": "degC, K or degF",
 }
 
@@ -83,7 +84,7 @@ EXTRA: Mapping[Extra, tuple[str, ...]] = {
         *("unixtime", "datetime", "timestamp", "date", "absolutetime", "datum", "datumzeit", "datumuhrzeit"),
         *("dateheure", "日期时间", "日期"),
     ),
-    "net_ah": ("netcapacity", "ah", "ahaccu"),
+    "net_ah": ("netcapacity", "ah", "ahaccu", "qqo"),
     "charged_ah": ("chargingcapacity", "chargecapacity", "qcharge"),
     "discharged_ah": ("dischargingcapacity", "dischargecapacity", "qdischarge"),
 }
@@ -157,6 +158,7 @@ def split_name(name: str) -> tuple[str, str | None]:
     """
     # The patterns take quadratic time, which a name of a megabyte could abuse. Brackets and units may be full-width.
     name = unicodedata.normalize("NFKC", name[:200])
+    name = name[1:-1] if name.startswith("<") and name.endswith(">") else name  # ``<Ewe/V>``
     bracketed = _BRACKETS.match(name)
     if bracketed and bracketed["base"]:
         return _folded(bracketed["base"] + bracketed["tail"]), bracketed["unit"] or None

@@ -17,19 +17,16 @@ from ...core.record import ReadOptions
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.trajectory import FloatArray
 from .assembly import AnyTable, kelvin, numbers, told_apart_by
-from .columns import NAMES, Column, ambient_in, half_cell, named, signal_of, unit_of
+from .columns import NAMES, Column, ambient_in, half_cell, named, unit_of
 from .gamry import gamry_spectrum, is_gamry_s
 from .generic_csv import first_lines, is_text_table
-from .impedance_columns import SpectrumColumns, base_of, spectrum_columns
+from .impedance_columns import SpectrumColumns, base_of, is_of_a_record, spectrum_columns
 from .source import load_text
 from .table import Numbers, find_table, no_column, split
 
 _HEAD_LINES = 120
 _SEPARATORS = "[;,\t]"
 _MIN_POINTS = 5
-_MOSTLY = 0.5
-"""Share of the first rows without a frequency from which a table with columns of both is a record."""
-
 _OHM: Mapping[str, float] = {
     **dict.fromkeys(["ohm", "ohms", "ω"], 1.0),
     **dict.fromkeys(["mohm", "mohms", "mω", "milliohm"], 1e-3),
@@ -82,7 +79,8 @@ class ImpedanceCsv:
             if columns is not None:
                 separator = max(_SEPARATORS[1:-1], key=line.count)
                 rows = [split(row, separator) for row in lines[place + 1 :]]
-                return not _is_of_a_record(header, [row[columns.frequency : columns.frequency + 1] for row in rows])
+                cells = [row[columns.frequency] for row in rows if len(row) > columns.frequency]
+                return not is_of_a_record(header, numbers(cells, decimal_comma=True))
         return False
 
     def read(self, path: Path, options: ReadOptions) -> ImpedanceSpectrum:
@@ -90,17 +88,6 @@ class ImpedanceCsv:
         text, notes = load_text(path)
         source = shown(path.name)
         return spectrum_of(gamry_spectrum(text, source) or find_table(text, source), options, self._unit, notes)
-
-
-def _is_of_a_record(header: Sequence[str], frequencies: Sequence[Sequence[str]]) -> bool:
-    """Whether columns of a spectrum stand beside those of a record, and most rows have no frequency.
-
-    ``frequencies`` is the cell of each row, where it has one.
-    """
-    if not {"time", "voltage", "current"} <= {signal_of(name) for name in header}:
-        return False
-    known = numbers([cell for cells in frequencies for cell in cells], decimal_comma=True)
-    return len(known) > 0 and float(np.mean(known > 0.0)) < 1.0 - _MOSTLY
 
 
 def spectrum_of(

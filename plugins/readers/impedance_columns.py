@@ -3,8 +3,14 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from ...core.record import ImpedancePart
-from .columns import split_name
+from ...core.trajectory import FloatArray
+from .columns import signal_of, split_name
+
+_MOSTLY = 0.5
+"""Share of rows without a frequency from which a table with columns of both is a record."""
 
 _PARTS: Mapping[ImpedancePart, tuple[str, ...]] = {
     "frequency": ("actfreq", "freq", "frequency", "f", "omega", "omegarad", "angularfrequency", "ω", "ωrad"),
@@ -26,9 +32,14 @@ class SpectrumColumns:
     turned: bool  # Whether the imaginary part, or the phase, is written with its sign turned.
 
 
-def holds_spectrum(header: Sequence[str]) -> bool:
-    """Whether the columns are those of an impedance spectrum."""
-    return spectrum_columns(header, {}) is not None
+def is_of_a_record(header: Sequence[str], frequency: FloatArray) -> bool:
+    """Whether columns of a spectrum stand beside those of a record, and most rows have no frequency.
+
+    ``frequency`` is that of each row, NaN where it has none.
+    """
+    if not {"time", "voltage", "current"} <= {signal_of(name) for name in header}:
+        return False
+    return len(frequency) > 0 and float(np.mean(frequency > 0.0)) < 1.0 - _MOSTLY
 
 
 def spectrum_columns(header: Sequence[str], said: Mapping[ImpedancePart, str]) -> SpectrumColumns | None:

@@ -1,9 +1,8 @@
-"""Neware ``.nda`` and ``.ndax`` files, decoded by NewareNDA."""
+"""Neware ``.nda`` and ``.ndax`` files, decoded by fastnda."""
 
 from __future__ import annotations
 
 import re
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,10 +16,10 @@ from ...core.record import ReadOptions
 from ...core.trajectory import FloatArray
 from .arrays import ArrayTable
 from .assembly import read_table
-from .source import MAX_BYTES, decoding, refuse_zip_bomb
+from .source import MAX_BYTES, decoding, refuse_zip_bomb, silence
 
 if TYPE_CHECKING:
-    import pandas
+    import polars
 
 _PAUSE_S = 2.0
 """Dates are written to the second: a step that begins later than this after the last one began after a pause, in s."""
@@ -40,37 +39,30 @@ class Neware:
             refuse_zip_bomb(path, source, "a Neware .ndax file", MAX_BYTES)
         elif path.stat().st_size > MAX_BYTES:
             raise BsaError(f"{source} holds more than {MAX_BYTES // 2**20} MiB.", "export the record as CSV.")
-        neware = require("NewareNDA.NewareNDA", "readers", f"{source} (Neware)")
+        fastnda = require("fastnda", "readers", f"{source} (Neware)")
+        silence("fastnda")
         with decoding(source, "Neware file that is understood", "export the record as CSV or xlsx from BTSDA."):
             # The cycler's own numbers of cycles are kept: `segment` counts where they do not rise.
-            decode = neware.read_ndax if path.suffix.lower() == ".ndax" else neware.read_nda
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # it uses what pandas will drop, which is no matter of the user's
-                columns = _columns(decode(str(path), False))
+            columns = _columns(fastnda.read(path, cycle_mode="raw"))
         return read_table(ArrayTable(source, tuple(columns), list(columns.values())), options)
 
 
-def _columns(frame: pandas.DataFrame) -> dict[str, FloatArray]:
-    import pandas
-
-    epoch = pandas.Timestamp(0, tz="UTC")
-    date: FloatArray = np.asarray(
-        (pandas.to_datetime(frame["Timestamp"], utc=True) - epoch) / pandas.Timedelta(seconds=1), dtype=np.float64
-    )
-    steps = frame["Step"].to_numpy().astype(np.float64)
+def _columns(frame: polars.DataFrame) -> dict[str, FloatArray]:
+    found = {name: frame[name].to_numpy().astype(np.float64) for name in frame.columns if name != "step_type"}
     columns = {
-        "Test Time / s": _test_time(frame["Time"].to_numpy().astype(np.float64), steps, date),
-        "Voltage / V": frame["Voltage"].to_numpy(),
-        "Current / mA": frame["Current(mA)"].to_numpy(),
-        "Unix Time / s": date,
-        "Step Count / 1": steps,
-        "Cycle Count / 1": frame["Cycle"].to_numpy(),
-        "Charging Capacity / mAh": frame["Charge_Capacity(mAh)"].to_numpy(),
-        "Discharging Capacity / mAh": frame["Discharge_Capacity(mAh)"].to_numpy(),
+        "Test Time / s": _test_time(found["step_time_s"], found["step_count"], found["unix_time_s"]),
+        "Voltage / V": found["voltage_V"],
+        "Current / mA": found["current_mA"],
+        "Unix Time / s": found["unix_time_s"],
+        "Step Count / 1": found["step_count"],
+        "Cycle Count / 1": found["cycle_count"],
+        # Since the start of the step, negative on discharge.
+        "Charging Capacity / mAh": np.maximum(found["capacity_mAh"], 0.0),
+        "Discharging Capacity / mAh": np.maximum(-found["capacity_mAh"], 0.0),
     }
-    probe = min((str(name) for name in frame.columns if re.fullmatch(r"T\d+", str(name))), default=None)
+    probe = min((name for name in found if re.fullmatch(r"aux\d*_temperature_degC", name)), default=None)
     if probe is not None:
-        columns["Temperature T1 / degC"] = frame[probe].to_numpy()
+        columns["Temperature T1 / degC"] = found[probe]
     return columns
 
 

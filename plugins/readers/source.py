@@ -1,6 +1,7 @@
 """The names and bytes of a file that nobody vouches for."""
 
 import gzip
+import logging
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -48,6 +49,11 @@ def decoding(source: str, kind: str, hint: str) -> Iterator[None]:
         raise _damaged(source, kind, hint, error) from None
     except Exception as error:
         raise _damaged(source, kind, hint, error) from None
+
+
+def silence(library: str) -> None:
+    """Keep a library from logging what its errors say too, or what is of no matter to the user."""
+    logging.getLogger(library).setLevel(logging.CRITICAL + 1)
 
 
 def _damaged(source: str, kind: str, hint: str, error: Exception) -> BsaError:

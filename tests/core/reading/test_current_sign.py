@@ -69,3 +69,11 @@ def test_a_constant_current_of_the_wrong_sign_is_that_of_the_option(stated: Any,
     assert raised.value.hint == hint
     with pytest.raises(BsaError, match='column "I" is'):
         with_sign(replace(read, names={"current": "I"}), ReadOptions(current_sign=stated, constant_current_a=said))
+
+
+def test_noise_of_an_instrument_at_rest_tells_no_sign() -> None:
+    rng = np.random.default_rng(1)
+    current = rng.normal(0.0, 2e-6, 100)
+    read = replace(samples((0.0, 4.0390, 4.0435), (0.0, 4.0435, 4.0430)), current=current)
+    read = replace(read, voltage=read.voltage - 300.0 * current)  # falls where the current rises
+    np.testing.assert_array_equal(with_sign(read, ReadOptions()).current, -current)

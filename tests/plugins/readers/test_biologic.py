@@ -68,7 +68,8 @@ def test_a_file_without_a_current_has_that_of_its_charge(tmp_path, control, char
     path = tmp_path / "a.mpr"
     amount = of_cycling(path, control, charge)
     record = read_record(path)
-    np.testing.assert_allclose(-1e3 * record.trajectory.current, amount, atol=1e-9)
+    measured = ~record.trajectory.inserted  # The net charge tells when the current was switched.
+    np.testing.assert_allclose(-1e3 * record.trajectory.current[measured], amount, atol=1e-9)
     assert any("holds no current" in note for note in record.notes)
 
 
@@ -79,7 +80,8 @@ def test_a_current_that_is_set_begins_with_its_step(tmp_path):
     drawn = np.where(mode == GALVANOSTATIC, 2.0 * (time - 200.0) / 3600, 0.0)
     columns = {4: ("<f8", time), 6: ("<f4", np.full(N, 3.9)), 1: ("u1", mode), 13: ("<f8", drawn)}
     mpr(path, {**columns, 5: ("<f4", np.where(mode == GALVANOSTATIC, 2.0, 0.0))})
-    current = read_record(path).trajectory.current
+    found = read_record(path).trajectory
+    current = found.current[~found.inserted]
     np.testing.assert_allclose(current[mode == GALVANOSTATIC], -2e-3)
     assert not current[mode == REST].any()
 
@@ -102,6 +104,27 @@ def test_a_binary_spectrum(tmp_path):
     mpr(path, parts)
     spectrum = read_file(path)
     np.testing.assert_allclose(spectrum.impedance, IMPEDANCE, rtol=1e-5, atol=1e-8)
+
+
+def test_a_record_with_a_spectrum_in_it_is_a_record(tmp_path):
+    path = tmp_path / "a.mpr"
+    frequency = np.zeros(N)
+    frequency[60:86] = FREQUENCY
+    parts = {32: ("<f4", frequency), 37: ("<f4", 0.03 * (frequency > 0)), 38: ("<f4", 0.01 * (frequency > 0))}
+    mpr(path, {4: ("<f8", TIME), 6: ("<f4", VOLTS), 8: ("<f4", 1000 * AMPERES), **parts})
+    record = read_record(path)
+    assert any("26 rows of an impedance spectrum were left out" in note for note in record.notes)
+    assert record.trajectory.duration == pytest.approx(TIME[-1])
+
+
+def test_the_net_charge_tells_when_the_current_was_switched(tmp_path):
+    path = tmp_path / "a.mpr"
+    kept = (TIME < 200) | (TIME > 400)  # The load began at 200 s, and the next sample is 210 s later.
+    charge = 1000 * np.cumsum(np.append(0.0, AMPERES[1:] * 10)) / 3600
+    columns = {4: ("<f8", TIME), 6: ("<f4", VOLTS), 8: ("<f4", 1000 * AMPERES), 13: ("<f8", charge)}
+    mpr(path, {number: (kind, values[kept]) for number, (kind, values) in columns.items()})
+    drawn = read_record(path).trajectory.discharge_capacity[-1]
+    assert drawn == pytest.approx(-1e-3 * charge[-1], rel=0.01)
 
 
 @pytest.mark.parametrize("content", [b"", b"hello" * 50, b"BIO-LOGIC MODULAR FILE\x1a".ljust(48) + bytes(4)])

@@ -31,6 +31,7 @@ def written(path, header: str, *columns: np.ndarray):
         ("TestTime/Sec.,Voltage/V,Cur(A),AuxTemperature1/dC.", 1.0),
         ("timestamp_s,v_raw_V,i_raw_A,t_cell_degC", 1.0),
         ("Hours,Volts,Amps,degC", 1 / 3600),
+        ("time/s,<Ewe/V>,<I>/A,T/degC", 1.0),
     ],
 )
 def test_short_names_go_by_their_units(tmp_path, header, scale):
@@ -39,6 +40,12 @@ def test_short_names_go_by_their_units(tmp_path, header, scale):
     np.testing.assert_allclose(found.time, SECONDS, atol=0.01)
     np.testing.assert_allclose(found.voltage, VOLTS)
     np.testing.assert_allclose(found.temperature, 298.15)
+
+
+@pytest.mark.parametrize("unit", ["uA", "µA", "μA"])
+def test_a_current_in_microamperes_is_read_as_such(tmp_path, unit):
+    path = written(tmp_path / "a.csv", f"t/s,U/V,I({unit})", SECONDS, VOLTS, np.full(100, -2e3))
+    np.testing.assert_allclose(read_record(path).trajectory.current, 2e-3)
 
 
 def test_a_unit_stands_for_its_signal_where_no_column_has_a_name_of_it(tmp_path):

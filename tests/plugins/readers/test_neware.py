@@ -16,7 +16,7 @@ from bsa.core.trajectory import StepKind
 from bsa.plugins.readers import source
 from bsa.testing import ReaderConformance
 
-pytest.importorskip("NewareNDA", reason='pip install "battery-sim-agent[readers]"')
+pytest.importorskip("fastnda", reason='pip install "battery-sim-agent[readers]"')
 
 CHARGE, DISCHARGE, REST = 1, 2, 4
 START = datetime(2024, 5, 1, 12, 0, 0)
@@ -63,8 +63,9 @@ def ndax(path: Path) -> None:
         one = (head.ljust(23, b"\0") + signal + bytes(4) + charges + clock + scale).ljust(87, b"\0")
         record.append(one)
     for first in range(0, len(record), 45):
-        inside = b"".join(record[first : first + 45]).ljust(4096 - 125 - 56, b"\0")
-        blocks.append(bytes(125) + inside + bytes(56))
+        some = record[first : first + 45]
+        full = ((1 << len(some)) - 1).to_bytes(121, "little")  # a bit for each record that is there
+        blocks.append(bytes(4) + full + b"".join(some).ljust(4096 - 125 - 56, b"\0") + bytes(56))
     with zipfile.ZipFile(path, "w") as package:
         package.writestr("data.ndc", b"".join(blocks))
 
@@ -112,9 +113,8 @@ def zipped(folder: Path) -> bytes:
 def test_without_the_library(tmp_path, monkeypatch):
     path = tmp_path / "a.nda"
     nda(path)
-    monkeypatch.setitem(sys.modules, "NewareNDA", None)
-    monkeypatch.setitem(sys.modules, "NewareNDA.NewareNDA", None)
-    with pytest.raises(BsaError, match="needs NewareNDA") as raised:
+    monkeypatch.setitem(sys.modules, "fastnda", None)
+    with pytest.raises(BsaError, match="needs fastnda") as raised:
         read_record(path)
     assert raised.value.hint == 'pip install "battery-sim-agent[readers]"'
 
