@@ -24,10 +24,6 @@ THERMAL, ISOTHERMAL = "thermal", "isothermal"
 _MOST_OF_THE_WINDOW = 0.6
 """Share of the voltage window that a cycle crosses at least if its charge is to tell the cell's size."""
 
-_HYSTERESIS_V = 0.03
-"""Distance of a slow charge from a slow discharge that polarisation does not explain, V: at C/20 it takes 5 to 8 mV off
-each, of which this is twice."""
-
 NEAR_POTENTIALS_V = 0.015
 """Misfit of the slowest record up to which a set's potentials are near, V: published ones of one chemistry differ by 12
 to 16 mV."""
@@ -290,8 +286,14 @@ def _with_usual_rates(parameter_set: ParameterFile, base: str) -> tuple[Paramete
 
 def hysteresis_note(records: Sequence[Record]) -> list[str]:
     """What is to be said of charge and discharge that are far apart where they are slow."""
+    from ...plugins.pybamm.before_search.nearest_potentials import usual_polarisation
+
     slow = slow_curve(record.trajectory for record in records)
-    if slow is None or not slow.gap_v > _HYSTERESIS_V:
+    if slow is None:
+        return []
+    usual_v, deviation_v = usual_polarisation(slow)
+    # Each is off by the polarisation; two deviations more are unlikely.
+    if not slow.gap_v > 2.0 * (usual_v + 2.0 * deviation_v):
         return []
     offset = any("--current-offset" in note for record in records for note in record.notes)
     return [

@@ -74,6 +74,12 @@ class Potentials:
         return f"{self.negative} (negative) and {self.positive} (positive)"
 
 
+def usual_polarisation(curve: OpenCircuitCurve) -> tuple[float, float]:
+    """Mean and standard deviation of the polarisation that is usual at the current of a curve, V."""
+    rate = 1.0 / max(curve.hours, 1.0)
+    return _LOSS_V * rate, _LOSS_DEVIATION_V * rate
+
+
 def chosen_potentials(
     wanted: str, curve: OpenCircuitCurve | None, otherwise: str = "leave --ocp out"
 ) -> list[Potentials]:
@@ -131,8 +137,8 @@ def _balanced(
     curve: OpenCircuitCurve, pair: Mapping[str, FloatArray]
 ) -> tuple[float, float, dict[str, tuple[float, float]]]:
     """Misfit, V (rms), cost, and stoichiometries at which two potentials describe the curve best."""
-    rate = 1.0 / max(curve.hours, 1.0)
-    usual_v, deviation_v = _LOSS_V * rate, math.hypot(_LOSS_DEVIATION_V * rate, _HYSTERESIS_V)
+    usual_v, deviation_v = usual_polarisation(curve)
+    deviation_v = math.hypot(deviation_v, _HYSTERESIS_V)
     unit = _MISFIT_V * math.sqrt(len(curve.share) / _PIECES)
 
     def misfit(at: FloatArray) -> FloatArray:
