@@ -21,7 +21,7 @@ from ...core.run.loop import RunResult
 from ...core.run.run_config import RunConfig
 from ...core.scaffold import load_scaffold
 from ...core.simulation import ExperimentRun, Outcome
-from ...core.target import INITIAL_SOC, CellChange, InitialSoc, soc_name
+from ...core.target import INITIAL_SOC, CellChange, InitialSoc, InitialVoltage, soc_name
 from ...core.task import CellModel, Experiment, Protocol, Task
 from ...core.trajectory import FloatArray, Trajectory
 from ..campaign.running import Plan
@@ -148,6 +148,8 @@ def _measured_cell(cell: CellModel, rng: np.random.Generator) -> tuple[Parameter
     whole = preset_space(cell.parameter_set, "cell", options=cell.options)
     corrections = [name for name in whole.names if _CORRECTION in name]
     dropped = set(rng.permutation(corrections)[: int(rng.integers(len(corrections)))])
+    # The record starts with a charge of its own, the unseen one full: neither starts at a rest voltage.
+    dropped |= {parameter.name for parameter in whole if isinstance(parameter.target, InitialVoltage)}
     parameters = [_of_record(parameter) for parameter in whole if parameter.name not in dropped]
     space = ParameterSpace(tuple(parameters))
     return space, {parameter.name: _from_prior(parameter, rng) for parameter in space}, len(space)

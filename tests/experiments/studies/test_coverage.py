@@ -39,6 +39,8 @@ def test_a_measured_cell_has_many_parameters_with_truths_from_their_priors(seed:
     # The unseen discharge starts full: the state of charge that is searched is that of the measured record alone.
     assert "Initial state of charge: measured" in space
     assert "Initial state of charge" not in space
+    # Neither starts at a rest voltage: what no record tells would change no interval but its own.
+    assert not any("voltage correction" in name for name in space.names)
     off = np.array([parameter.coordinate(truth[parameter.name]) for parameter in space])
     assert np.all(np.abs(off) < 5.0)
     assert 0.5 < np.sqrt(np.mean(off**2)) < 1.6

@@ -115,7 +115,7 @@ CASES = {
     "loose wire": ("a.csv", with_voltage("0.1", 5), "jumps for a single sample", "sense wire"),
     "a stretch of nonsense": (
         *("a.csv", text([f"{10 * k},{9.9 if 40 < k < 46 else 4.1 - 0.01 * k},-5" for k in range(100)])),
-        *('row 43, column "Voltage / V": 9.9 V is no voltage of a single cell (0 to 6 V); 5 such rows', "repair"),
+        *('row 43, column "Voltage / V": 9.9 V is no voltage of a single cell (-0.01 to 6 V); 5 such rows', "repair"),
     ),
     "csv named xlsx": ("a.xlsx", text(rows()), "a.xlsx is not an Excel workbook", ".xlsx"),
     "old workbook": (
