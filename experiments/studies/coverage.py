@@ -3,8 +3,8 @@
 A task is a cell whose parameters were changed, cycled once and sampled as a cycler does. Its record is simulated on a
 finer mesh and at tighter tolerances than any fit uses, and noise is added. In three tasks of four the nine parameters
 of a geometry are fitted by least squares; in the fourth a measured cell with up to 23 parameters, whose truth is drawn
-from their priors, is fitted in stages to its current. What is said of each parameter, and of the voltage at a rate that
-was not measured, is compared with the truth.
+from their priors, is fitted in stages to its current, and the unseen discharge is given by its current too. What is
+said of each parameter, and of the voltage at a rate that was not measured, is compared with the truth.
 """
 
 from collections.abc import Mapping, Sequence
@@ -50,7 +50,8 @@ _REACH, _WITHIN = 0.25, (0.1, 0.9)
 """How far a true value lies from the base cell's at most, and where, in the units of the searched range."""
 
 FIT_POINTS = 20
-"""Mesh points of a fit in every domain: PyBaMM's own. Under a measured current particles have twice as many."""
+"""Mesh points of a fit in every domain: PyBaMM's own. Under a measured current particles have twice as many, which are
+finer at the surface, and so have those of the truth then."""
 
 _ATTEMPTS = 20
 
@@ -104,7 +105,7 @@ def draw(seed: int, number: int, model: str, points: int) -> Drawn:
     for _ in range(_ATTEMPTS):
         space, truth, changes = (_measured_cell if of_cell else _changed_geometry)(cell, rng)
         experiment, unseen = _experiments(cell, rng, of_cell)
-        runs = [_true_run(cell, one, space.change(truth), points) for one in (experiment, unseen)]
+        runs = [_true_run(cell, one, space.change(truth), points, of_cell) for one in (experiment, unseen)]
         if all(run.failure is None for run in runs):
             break
     else:
@@ -115,6 +116,9 @@ def draw(seed: int, number: int, model: str, points: int) -> Drawn:
     record = sampled(clean, sampling_s)
     noisy = record.changed(voltage=record.voltage + rng.normal(0.0, noise_v, len(record)))
     measured = replace(experiment, target=noisy, protocol=None if of_cell else experiment.protocol)
+    predicted = replace(unseen, target=unseen_run)
+    if of_cell:
+        predicted = replace(unseen, target=sampled(unseen_run, sampling_s), protocol=None)
     seconds = np.array(_SHARES) * unseen_run.duration
     return Drawn(
         number,
@@ -124,7 +128,7 @@ def draw(seed: int, number: int, model: str, points: int) -> Drawn:
         sampling_s,
         points,
         changes,
-        replace(unseen, target=unseen_run),
+        predicted,
         _signal_at(unseen_run, "voltage", seconds),
         seconds,
     )
@@ -194,11 +198,13 @@ def _experiments(cell: CellModel, rng: np.random.Generator, of_cell: bool) -> tu
     return experiment(_MEASURED, (cycle,), None if of_cell else 0.05), experiment("unseen", unseen, 1.0)
 
 
-def _true_run(cell: CellModel, experiment: Experiment, change: CellChange, points: int) -> ExperimentRun:
+def _true_run(cell: CellModel, experiment: Experiment, change: CellChange, points: int, graded: bool) -> ExperimentRun:
+    """The truth, on a finer mesh than the fit's; ``graded`` where the fit follows a measured current."""
     from ...plugins.pybamm.modelling.resolution import Resolution
     from ...plugins.pybamm.solving.compiled import CompiledExperiment
 
     fine = Resolution(rtol=1e-7, points=points, standard_mesh=True, least_atol=1e-7)
+    fine = fine.graded() if graded else fine
     return CompiledExperiment(cell, experiment, {}, fine, baked=change).solve({})
 
 
