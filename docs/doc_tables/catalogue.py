@@ -58,6 +58,7 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "starts": real_cells.by_initial_state,
     "pulse-tests": real_cells.by_rests,
     "bands": real_cells.by_band,
+    "unseen-cells": real_cells.unseen,
     "paper-cells": real_cells.as_in_the_paper,
     "impedance": real_cells.with_spectra,
 }

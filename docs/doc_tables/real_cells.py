@@ -95,6 +95,21 @@ def by_rests(results: Results) -> str:
     return results.framed("pulse_tests", table_of(results.rows("pulse_tests"), columns, 3))
 
 
+def unseen(results: Results) -> str:
+    """Errors on cells of other packages' tests, which no version had seen."""
+    columns = {
+        "cell": "{cell}",
+        "record": "{record}",
+        "": "{role}",
+        "before / mV": "{start_mv:known}",
+        "rms / mV": "{rms_mv:brief}",
+        "over 99 % of the time / mV": "{rms_99_mv:brief}",
+        "temperature rms / K": "{rms_k:known}",
+        "simulations": "{simulations:.0f}",
+    }
+    return results.framed("unseen_cells", table_of(results.rows("unseen_cells"), columns, 3))
+
+
 def by_band(results: Results) -> str:
     """Errors of held-out records beside the bands that their fits predict."""
     columns = {

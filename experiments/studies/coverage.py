@@ -10,11 +10,13 @@ said of each parameter, and of the voltage at a rate that was not measured, is c
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
+from ...core.cell import VOLTAGE
 from ...core.comparison.residuals import noise_of_residuals, residuals
+from ...core.inference.identifiability import Verdict
 from ...core.inference.prediction import band_of
 from ...core.parameters import Candidate, Parameter, ParameterSpace
 from ...core.run.loop import RunResult
@@ -67,6 +69,9 @@ _CELL_SOC = 0.2
 """State of charge at which a measured cell's record starts, give or take its prior."""
 
 _CORRECTION = "OCP correction"
+
+_VOLTAGE, _BAND = "voltage", "voltage, with misfit"
+"""Grades of what is said of the unseen voltage: what the parameters leave open, and the band that is shown."""
 
 Row = dict[str, Any]
 
@@ -263,12 +268,15 @@ def rows_of(drawn: Drawn, result: RunResult) -> list[Row]:
         {**shared, "grade": i.verdict, "of": name, **_contained(drawn.truth[name], i.value, i.lower, i.upper)}
         for name, i in intervals.items()
     ]
-    predicted = result.held_out[0].curve
-    values, halves = (_signal_at(predicted, name, drawn.unseen_s) for name in ("voltage", band_of("voltage")))
-    for second, true, value, half in zip(drawn.unseen_s, drawn.unseen_v, values, halves, strict=True):
-        if np.isfinite(value) and np.isfinite(half):
-            of = f"voltage after {second:.0f} s at {UNSEEN_RATE:g}C"
-            rows.append({**shared, "grade": "voltage", "of": of, **_contained(true, value, value - half, value + half)})
+    predicted, name = result.held_out[0], VOLTAGE.name
+    values, halves = (_signal_at(predicted.curve, signal, drawn.unseen_s) for signal in (name, band_of(name)))
+    # What the fitted record is off by, which is part of the band that is shown.
+    misfit = predicted.bands[name].misfit / VOLTAGE.shown_scale if name in predicted.bands else np.nan
+    for second, true, value, left_open in zip(drawn.unseen_s, drawn.unseen_v, values, halves, strict=True):
+        of = f"voltage after {second:.0f} s at {UNSEEN_RATE:g}C"
+        for grade, half in ((_VOLTAGE, left_open), (_BAND, float(np.hypot(left_open, misfit)))):
+            if np.isfinite(value) and np.isfinite(half):
+                rows.append({**shared, "grade": grade, "of": of, **_contained(true, value, value - half, value + half)})
     return rows
 
 
@@ -311,7 +319,7 @@ def coverage_table(rows: Sequence[Mapping[str, Any]]) -> str:
     """
     groups = grouped(rows, "grade")
     lines = []
-    for grade in ("fixed", "loose", "open", "voltage"):
+    for grade in (*get_args(Verdict), _VOLTAGE, _BAND):
         members = groups.get(grade, [])
         found = [int(row["contained"]) for row in members]
         if found:
