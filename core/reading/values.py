@@ -14,7 +14,7 @@ MISSING_SHARE = 0.01
 MISSING_ROWS = 3
 
 VOLTAGE_RANGE_V = (-0.01, 6.0)
-"""What a single cell can show, in V: one that is drawn to nothing shows less than zero by what its instrument is off."""
+"""What a single cell can show, in V. One that is drawn to 0 V shows a little less if its instrument is off."""
 
 GLITCH_V = 0.4
 """A lone sample this far from both neighbours, which agree and carry the same current, is a glitch, in V."""

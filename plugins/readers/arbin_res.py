@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.errors import BsaError
 from ...core.extras import require
@@ -82,7 +83,7 @@ def _arrays(table: Mapping[str, list[Any]]) -> dict[str, FloatArray]:
 
 
 def _temperature(
-    samples: Mapping[str, FloatArray], order: FloatArray, inputs: Mapping[str, FloatArray]
+    samples: Mapping[str, FloatArray], order: NDArray[np.intp], inputs: Mapping[str, FloatArray]
 ) -> dict[str, FloatArray]:
     """The first auxiliary temperature, at each sample in the order wanted; nothing where none was measured."""
     if "X" not in inputs or not len(inputs["X"]):
