@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..comparison.knees import CHARGE_SHARE, CLOCK_SHARE, USUAL_SLOPE
 from ..comparison.noise import noise_freedom, noise_of, resolution, rounding_that_stays
 from ..trajectory import FloatArray, StepKind, Trajectory
 from .simulator import MeasuredRecord, Moments
@@ -13,14 +14,8 @@ from .simulator import MeasuredRecord, Moments
 FLOOR_V = 3e-4
 """Voltage differences below this are not physics: discretisation, interpolation of the current, the converter."""
 
-CLOCK_SHARE = 0.05
-"""Share of the sampling interval by which the clock of a sample may be off."""
-
 AFTER_JUMP_S = 2e-3
 """Where a step's first sample carries the stamp of the last one before it, it was taken this much later."""
-
-CHARGE_SHARE = 0.002
-"""Share of the charge drawn by which charge is uncertain; it blurs the voltage where that falls steeply."""
 
 _UNKNOWN_NOISE_V = 1e-3
 """Noise of a record that is too short to tell it, V: that of a usual cycler."""
@@ -182,7 +177,7 @@ def _steepness(
         slope_of = _slope_of_parts if driven[here[0]] else _slope_of_samples
         slope[here] = slope_of(charge[here], voltage[here])
         usual += list(slope[here])
-    return np.maximum(slope - 3 * float(np.median(usual)), 0.0) if usual else slope
+    return np.maximum(slope - USUAL_SLOPE * float(np.median(usual)), 0.0) if usual else slope
 
 
 def _slope_of_samples(charge: FloatArray, voltage: FloatArray) -> FloatArray:

@@ -1,9 +1,10 @@
-"""How far the residuals of a search are off: by the noise of the records, and by the mesh."""
+"""How far the residuals of a search are off: by noise, clock and charge of the records, and by the mesh."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..comparison.knees import knees_of_residuals
 from ..comparison.residuals import noise_of_residuals, residuals, rms, rows_of
 from ..task import Task
 from ..trajectory import FloatArray
@@ -48,14 +49,14 @@ class Errors:
 
 
 def errors_of(task: Task, best: Trial, plugins: Simulating, spent: Spent) -> Errors:
-    """How far the search's residuals are off: by the record's noise, and by the mesh.
+    """How far the search's residuals are off: by noise, clock and charge of the record, and by the mesh.
 
     The error of the mesh hardly depends on the candidate: what one simulation on twice the points shows is added to the
     residuals of all. The error falls with the square of the spacing, so that a third as much is left.
     """
     assert best.residuals is not None
     floor = np.where(rows_of(task).signal == "", _FLOOR_OF_DURATIONS, NOISE_FLOOR)
-    deviation = np.hypot(noise_of_residuals(task), floor)
+    deviation = np.hypot(np.hypot(noise_of_residuals(task), floor), knees_of_residuals(task))
     deviation *= misfit_by_kind(task, best.residuals / deviation)
     (outcome,) = spent.counted(plugins.simulate([best.candidate], True), 1)
     reference = residuals(task, outcome)
