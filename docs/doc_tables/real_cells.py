@@ -1,5 +1,7 @@
 """The tables of measured cells: what was fitted, and what was not."""
 
+from collections.abc import Mapping
+
 from bsa.experiments.campaign.text_tables import table_of
 
 from .results import Results
@@ -82,21 +84,16 @@ def by_initial_state(results: Results) -> str:
 
 def by_rests(results: Results) -> str:
     """Errors of cells whose records have rests in place of a slow charge or discharge."""
-    columns = {
-        "cell": "{cell}",
-        "record": "{record}",
-        "": "{role}",
-        "before / mV": "{start_mv:known}",
-        "rms / mV": "{rms_mv:brief}",
-        "over 99 % of the time / mV": "{rms_99_mv:brief}",
-        "inside / %": "{inside_pct:known}",
-        "simulations": "{simulations:.0f}",
-    }
-    return results.framed("pulse_tests", table_of(results.rows("pulse_tests"), columns, 3))
+    return _fitted_and_held_out(results, "pulse_tests", {"inside / %": "{inside_pct:known}"})
 
 
 def unseen(results: Results) -> str:
     """Errors on cells of other packages' tests, which no version had seen."""
+    return _fitted_and_held_out(results, "unseen_cells", {"temperature rms / K": "{rms_k:known}"})
+
+
+def _fitted_and_held_out(results: Results, name: str, further: Mapping[str, str]) -> str:
+    """Voltage errors of records by cell, with further columns before the simulations."""
     columns = {
         "cell": "{cell}",
         "record": "{record}",
@@ -104,10 +101,10 @@ def unseen(results: Results) -> str:
         "before / mV": "{start_mv:known}",
         "rms / mV": "{rms_mv:brief}",
         "over 99 % of the time / mV": "{rms_99_mv:brief}",
-        "temperature rms / K": "{rms_k:known}",
+        **further,
         "simulations": "{simulations:.0f}",
     }
-    return results.framed("unseen_cells", table_of(results.rows("unseen_cells"), columns, 3))
+    return results.framed(name, table_of(results.rows(name), columns, 3))
 
 
 def by_band(results: Results) -> str:
