@@ -1,10 +1,8 @@
 """Neware ``.nda`` and ``.ndax`` files, decoded by fastnda."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -17,9 +15,6 @@ from ...core.trajectory import FloatArray
 from .arrays import ArrayTable
 from .assembly import read_table
 from .source import MAX_BYTES, decoding, refuse_zip_bomb, silence
-
-if TYPE_CHECKING:
-    import polars
 
 _PAUSE_S = 2.0
 """Dates are written to the second: a step that begins later than this after the last one began after a pause, in s."""
@@ -47,7 +42,8 @@ class Neware:
         return read_table(ArrayTable(source, tuple(columns), list(columns.values())), options)
 
 
-def _columns(frame: polars.DataFrame) -> dict[str, FloatArray]:
+def _columns(frame: Any) -> dict[str, FloatArray]:
+    """The columns that are read of a data frame of polars, by which fastnda gives what it decodes."""
     found = {name: frame[name].to_numpy().astype(np.float64) for name in frame.columns if name != "step_type"}
     columns = {
         "Test Time / s": _test_time(found["step_time_s"], found["step_count"], found["unix_time_s"]),
