@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import day
 
 from ...core.errors import BsaError
 from ...core.extras import require
@@ -35,8 +36,8 @@ _NAMES = {
 _TEMPERATURE = 1
 """``Data_Type`` of an auxiliary input that is a temperature."""
 
-_DAYS_TO_1970, _DAY_S = 25569.0, 86400.0
-"""Days from 30 December 1899, where an Access database begins to count, to 1970; and the seconds of one."""
+_DAYS_TO_1970 = 25569.0
+"""Days from 30 December 1899, where an Access database begins to count, to 1970."""
 
 
 class ArbinRes:
@@ -65,7 +66,7 @@ class ArbinRes:
             samples = _arrays(table)
             order = np.lexsort((samples["Data_Point"], samples["Test_ID"]))
             columns = {title: samples[name][order] for name, title in _NAMES.items() if name in samples}
-            columns["Unix Time / s"] = _DAY_S * (samples["DateTime"][order] - _DAYS_TO_1970)
+            columns["Unix Time / s"] = day * (samples["DateTime"][order] - _DAYS_TO_1970)
             inputs = _arrays(database.parse_table(_AUXILIARY)) if _AUXILIARY in database.catalog else {}
             columns |= _temperature(samples, order, inputs)
         return read_table(ArrayTable(source, tuple(columns), list(columns.values())), options)

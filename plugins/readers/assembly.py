@@ -16,7 +16,7 @@ from ...core.record import ReadOptions
 from ...core.trajectory import FloatArray
 from .columns import EXTRA, Column, ambient_in, may_be_temperatures, named, resolve, unit_of
 from .dates import clock_s, elapsed_s, exchanged, is_clock_or_date, is_date, is_of_days, seconds_of
-from .impedance_columns import spectrum_columns
+from .impedance_columns import are_points, spectrum_columns
 from .several_cells import refuse_several_cells, telling_cells
 from .state_sign import NAMES as STATES
 from .state_sign import with_signs
@@ -131,8 +131,9 @@ def _without_spectra(samples: Samples, impedance: Sequence[FloatArray]) -> Sampl
     """
     if not impedance:
         return samples
-    frequency, *parts = impedance
-    of_spectra = (frequency > 0) & np.isfinite(parts).all(axis=0) & np.any(parts, axis=0)
+    frequency, first, second = impedance
+    # Where a record has a frequency throughout, what has no impedance is no spectrum.
+    of_spectra = are_points(frequency, first, second) & ((first != 0.0) | (second != 0.0))
     count = int(np.count_nonzero(of_spectra))
     if count in (0, len(samples)):
         return samples

@@ -20,7 +20,7 @@ from .assembly import AnyTable, kelvin, numbers, told_apart_by
 from .columns import NAMES, Column, ambient_in, half_cell, named, unit_of
 from .gamry import gamry_spectrum, is_gamry_s
 from .generic_csv import first_lines, is_text_table
-from .impedance_columns import SpectrumColumns, base_of, is_of_a_record, spectrum_columns
+from .impedance_columns import SpectrumColumns, are_points, base_of, is_of_a_record, spectrum_columns
 from .source import load_text
 from .table import Numbers, find_table, no_column, split
 
@@ -106,7 +106,7 @@ def spectrum_of(
     beside = [voltage, None if ambient is None else ambient.index]
     read = table.numbers({}, options.where, [*wanted, *(place for place in beside if place is not None)])
     frequency, first, second = (numbers(read.texts[place], True) for place in wanted)
-    kept = np.isfinite(frequency) & np.isfinite(first) & np.isfinite(second) & (frequency > 0)
+    kept = are_points(frequency, first, second)
     said = [*notes, *read.notes]
     if unknown and options.ambient_c is None:
         said.append(unknown)

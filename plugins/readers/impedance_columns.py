@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...core.reading.samples import Mask
 from ...core.record import ImpedancePart
 from ...core.trajectory import FloatArray
 from .columns import signal_of, split_name
@@ -40,6 +41,11 @@ def is_of_a_record(header: Sequence[str], frequency: FloatArray) -> bool:
     if not {"time", "voltage", "current"} <= {signal_of(name) for name in header}:
         return False
     return len(frequency) > 0 and float(np.mean(frequency > 0.0)) < 1.0 - _MOSTLY
+
+
+def are_points(frequency: FloatArray, first: FloatArray, second: FloatArray) -> Mask:
+    """Which rows are points of a spectrum: those with a frequency and both parts of an impedance; shape (n,)."""
+    return np.isfinite(frequency) & np.isfinite(first) & np.isfinite(second) & (frequency > 0)
 
 
 def spectrum_columns(header: Sequence[str], said: Mapping[ImpedancePart, str]) -> SpectrumColumns | None:

@@ -44,21 +44,25 @@ class Neware:
 
 def _columns(frame: Any) -> dict[str, FloatArray]:
     """The columns that are read of a data frame of polars, by which fastnda gives what it decodes."""
-    found = {name: frame[name].to_numpy().astype(np.float64) for name in frame.columns if name != "step_type"}
+
+    def values(name: str) -> FloatArray:
+        return np.asarray(frame[name].to_numpy(), dtype=np.float64)
+
+    steps, date, capacity = values("step_count"), values("unix_time_s"), values("capacity_mAh")
     columns = {
-        "Test Time / s": _test_time(found["step_time_s"], found["step_count"], found["unix_time_s"]),
-        "Voltage / V": found["voltage_V"],
-        "Current / mA": found["current_mA"],
-        "Unix Time / s": found["unix_time_s"],
-        "Step Count / 1": found["step_count"],
-        "Cycle Count / 1": found["cycle_count"],
+        "Test Time / s": _test_time(values("step_time_s"), steps, date),
+        "Voltage / V": values("voltage_V"),
+        "Current / mA": values("current_mA"),
+        "Unix Time / s": date,
+        "Step Count / 1": steps,
+        "Cycle Count / 1": values("cycle_count"),
         # Since the start of the step, negative on discharge.
-        "Charging Capacity / mAh": np.maximum(found["capacity_mAh"], 0.0),
-        "Discharging Capacity / mAh": np.maximum(-found["capacity_mAh"], 0.0),
+        "Charging Capacity / mAh": np.maximum(capacity, 0.0),
+        "Discharging Capacity / mAh": np.maximum(-capacity, 0.0),
     }
-    probe = min((name for name in found if re.fullmatch(r"aux\d*_temperature_degC", name)), default=None)
+    probe = min((name for name in frame.columns if re.fullmatch(r"aux\d*_temperature_degC", name)), default=None)
     if probe is not None:
-        columns["Temperature T1 / degC"] = found[probe]
+        columns["Temperature T1 / degC"] = values(probe)
     return columns
 
 

@@ -65,6 +65,8 @@ def test_a_drawn_task_is_fitted_to_its_noise_and_judged(tmp_path: Path) -> None:
     row = coverage.one_task(tmp_path, 1234, 0, "SPMe", 20, 100)
     # Nine parameters, and three voltages: what the parameters leave open, and with what the fit is off by.
     assert len(row["rows"]) == 9 + 2 * 3
+    grades = {"fixed", "loose", "open", "voltage", "voltage, with misfit"}
+    assert {found["grade"] for found in row["rows"]} <= grades
     halves = {
         grade: [one["upper"] - one["lower"] for one in row["rows"] if one["grade"] == grade]
         for grade in ("voltage", "voltage, with misfit")
