@@ -22,6 +22,9 @@ from .state_sign import NAMES as STATES
 from .state_sign import with_signs
 from .table import Numbers
 
+_COULOMB = ("c", "coulomb", "as", "a.s")
+"""Units of a charge in ampere seconds, folded."""
+
 _TAKEN = {"time": "s", "voltage": "V", "current": "A", "temperature": "degC"}
 
 
@@ -229,10 +232,14 @@ def _extra(table: AnyTable, places: Mapping[Extra, int], read: Numbers) -> dict[
         values = seconds_of(texts) if name == "date" else numbers(texts, table.decimal_comma)
         if values is None or not np.isfinite(values).any():
             continue
-        if name.endswith("_ah") and (unit_of(table.header, table.units, place) or "").casefold().startswith("m"):
-            values = values / 1000.0
-        found[name] = values
+        found[name] = values / _per_ah(unit_of(table.header, table.units, place)) if name.endswith("_ah") else values
     return found
+
+
+def _per_ah(unit: str | None) -> float:
+    """How many of a unit of charge are an A.h, which is taken where the unit is not known."""
+    folded = (unit or "").casefold()
+    return 3600.0 if folded in _COULOMB else 1000.0 if folded.startswith("m") else 1.0
 
 
 def _tests_by(table: AnyTable, time: FloatArray, options: ReadOptions) -> tuple[str, ...] | None:

@@ -32,6 +32,11 @@ def test_the_unit_of_a_counter_may_end_its_name(name, charged_ah):
     np.testing.assert_allclose(samples(f"Time [s],U [V],{name}", "250").extra["charged_ah"], charged_ah)
 
 
+@pytest.mark.parametrize("name", ["(Q-Qo)/C", "(Q-Qo) [A.s]", "Ah [C]"])
+def test_a_counter_may_be_in_coulomb(name):
+    np.testing.assert_allclose(samples(f"Time [s],U [V],{name}", "900").extra["net_ah"], 0.25)
+
+
 def test_decimal_commas_of_counters_and_of_the_ambient_temperature_are_read():
     found = samples("Zeit[s];U[V];Ah[Ah];Ambient Temperature [°C]", "0,25", "24,5", separator=";").extra
     np.testing.assert_allclose(found["net_ah"], 0.25)
