@@ -6,8 +6,8 @@ The cut goes from fine to coarse, each pass in time proportional to the number o
 2. *Levels*: each stretch of one sign is cut wherever the current leaves its running mean.
 3. *Wobbles*: levels of one sign whose changes of the current the voltage does not answer are one level.
 4. *Holds*: levels that fall one after the other while the voltage stands still are one constant-voltage hold.
-5. *Smooth runs*: levels that run into each other without a jump (a drifting current) are joined, and
-   a glitch of one or two samples between equal levels is closed.
+5. *Smooth runs*: levels that run into each other without a jump (a drifting current) are joined, a glitch of one or
+   two samples between equal levels is closed, and a ramp of the current belongs to the step that it leads to.
 6. *Drive cycles*: many short levels that follow each other are one drive.
 7. *Names*: what is left is a pulse or a constant-current step.
 """
@@ -23,7 +23,7 @@ from .drives import with_drives
 from .holds import with_holds
 from .levels import Level, Signs, levels_of, signals_of, signs_of
 from .naming import name_steps, numbered
-from .smooth_runs import smoothed, without_edges
+from .smooth_runs import smoothed, without_edges, without_ramps
 from .wobbles import without_wobbles
 
 __all__ = ["segment"]
@@ -78,7 +78,7 @@ def segment(
     levels: list[Level] = []
     for stretch in _stretches(levels_of(signals, signs, cuts), cuts):
         stretch = with_holds(signals, without_wobbles(signals, stretch), levels[-1] if levels else None)
-        levels += without_edges(signals, smoothed(signals, stretch))
+        levels += without_edges(signals, without_ramps(signals, smoothed(signals, stretch)))
     levels = with_drives(signals, levels)
     name_steps(signals, levels)
     return replace(trajectory, steps=numbered(trajectory, levels, numbers, set(begun.tolist())))

@@ -18,6 +18,10 @@ VOLTAGE_NOISE_V = 0.003
 HOLD_RISE = 0.04
 """A noisy cycler may raise the current of a hold by this share for a while."""
 
+HOLD_RESOLVED = 0.002
+"""The same by this share of the record's largest current, twice what cyclers are accurate to: near its end a hold has
+a hundredth of that current."""
+
 HOLD_DECAY = 0.9
 """The current of a hold falls at least to this share of where it began."""
 
@@ -42,7 +46,7 @@ def with_holds(signals: RecordSignals, levels: list[Level], earlier: Level | Non
             wider = min(low, extremes[begin - 1][0]), max(high, extremes[begin - 1][1])
             # Both levels may be single samples.
             scatter = float(np.hypot(signals.tolerance(before.mean), signals.tolerance(levels[begin].mean)))
-            slack = max(HOLD_RISE * abs(before.mean), scatter)
+            slack = max(HOLD_RISE * abs(before.mean), HOLD_RESOLVED * signals.scale, scatter)
             falling = abs(before.mean) >= abs(levels[begin].mean) - slack
             if not falling or wider[1] - wider[0] > band:
                 break

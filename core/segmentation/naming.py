@@ -12,6 +12,9 @@ from .levels import BRIEF_S, Level, RecordSignals
 CYCLE_SHARE = 0.02
 """A step counts as a charge or discharge for cycles when it moves this share of the largest step's charge."""
 
+_FEWEST = 100
+"""Points in time at which a drift of the current is looked for, at least."""
+
 
 def name_steps(signals: RecordSignals, levels: list[Level]) -> None:
     """Name what has no name yet: rests, pulses, constant-current steps and drifting ones."""
@@ -37,7 +40,10 @@ def _brief(level: Level) -> bool:
 
 
 def _drifts(signals: RecordSignals, level: Level) -> bool:
-    low, high = np.quantile(signals.current[level.start : level.stop], [0.05, 0.95])
+    # By time: a cycler may take a tenth of the samples while it switches the current on.
+    part = slice(level.start, level.stop)
+    times = np.linspace(signals.time[level.start], signals.time[level.stop - 1], max(level.samples, _FEWEST))
+    low, high = np.quantile(np.interp(times, signals.time[part], signals.current[part]), [0.05, 0.95])
     return bool(high - low > max(0.1 * abs(level.mean), 10.0 * signals.noise))
 
 

@@ -4,6 +4,9 @@ from dataclasses import replace
 
 from .levels import LEVEL_SHARE, LONG_SAMPLES, Level, RecordSignals, span
 
+RAMP_S = 2.0
+"""A current that rises for no longer than this to a constant one is being switched on (Arbin: 0.5 to 0.7 s), in s."""
+
 
 def smoothed(signals: RecordSignals, levels: list[Level]) -> list[Level]:
     """Join levels without a jump between them, and close glitches of one or two samples."""
@@ -41,6 +44,26 @@ def _bridges(signals: RecordSignals, before: Level, glitch: Level, after: Level)
     spacing = (before.seconds + after.seconds) / (before.samples + after.samples)
     brief = glitch.seconds <= 2.5 * max(spacing, 1.0)
     return brief and abs(before.mean - after.mean) <= signals.tolerance(before.mean)
+
+
+def without_ramps(signals: RecordSignals, levels: list[Level]) -> list[Level]:
+    """Give the samples of a current that a cycler ramps up to a constant one to the long step that follows."""
+    joined: list[Level] = []
+    for level in levels:
+        first = len(joined)
+        while level.long and level.sign != 0 and first > 0 and _rises(joined[first - 1], [*joined, level][first]):
+            first -= 1
+        if first < len(joined) and signals.time[level.start] - signals.time[joined[first].start] <= RAMP_S:
+            start = joined[first].start
+            level = replace(level, start=start, seconds=signals.seconds(start, level.stop))
+            del joined[first:]
+        joined.append(level)
+    return joined
+
+
+def _rises(before: Level, after: Level) -> bool:
+    short = before.kind is None and not before.long
+    return short and before.sign == after.sign and abs(before.mean) < abs(after.mean)
 
 
 def without_edges(signals: RecordSignals, levels: list[Level]) -> list[Level]:

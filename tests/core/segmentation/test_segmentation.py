@@ -344,3 +344,32 @@ def test_a_hold_behind_a_charge_is_no_wobble():
     current = -np.where(np.arange(600) < 400, 1.0, np.exp(-(np.arange(600) - 399) / 60.0))
     record = Trajectory(time, current, np.minimum(3.6 + 1.5e-3 * np.arange(600), 4.2))
     assert [step.kind for step in segment(record).steps] == [StepKind.CC_CHARGE, StepKind.CV_HOLD]
+
+
+def test_a_current_that_is_ramped_up_belongs_to_the_step_that_it_leads_to() -> None:
+    """Arbin's cyclers take ten samples within the second in which they switch a large current on."""
+    bench = Bench(5.0).rest(600)
+    for _ in range(2):
+        bench.run(DISCHARGE, 0.7, np.linspace(0.5, 4.0, 10), spacing=0.07).discharge(0.88, 300).rest(600)
+    assert kinds(segment(bench.record())) == [REST, DISCHARGE, REST, DISCHARGE, REST]
+
+
+def test_a_ramp_takes_no_step_away_that_lasts() -> None:
+    bench = Bench(5.0).rest(600)
+    for current in (1.0, 2.0, 3.0):
+        bench.run(DISCHARGE, 30, current)
+    found = segment(bench.discharge(0.8).record())
+    assert len(found.steps) == 5
+    assert found.time[found.steps[-1].start] == 690.0
+
+
+def test_the_end_of_a_hold_that_is_read_in_coarse_numbers_is_still_the_hold() -> None:
+    """Of a cell that was charged at 33 A, an instrument of 0.035 A reads 0.25 to 0.4 A."""
+    bench = Bench(5.0).cccv(1.0).rest(600)
+    bench.cccv(6.6, seconds=400, tau=250).rest(600)
+    record = bench.record()
+    coarse = np.round(record.current / 0.035) * 0.035
+    more = 0.035 * np.sign(coarse) * (np.arange(len(coarse)) % 3 == 0)
+    wobbling = coarse + np.where(np.abs(coarse) < 2.0, more, 0.0)
+    found = segment(record.changed(current=wobbling))
+    assert kinds(found) == [CHARGE, HOLD, REST, CHARGE, HOLD, REST]
