@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ....core.comparison.knees import USUAL_SLOPE
 from ....core.contracts.border import border
 from ....core.effect import Effect
 from ....core.parameters import Candidate
@@ -31,6 +32,9 @@ _T_NO_PROGRESS_S = 10.0
 
 _STUCK = 3
 """Times that the limit may be reached again within one pause."""
+
+_FEWEST_SLOPES = 8
+"""Slopes of the voltage in a step at least, by which the last one is judged."""
 
 _FROM_LIMIT = Resolution(rtol=1e-4, least_atol=1e-5)
 """Tolerances with which a cell goes on from its limit where its own are too tight: the surfaces of its particles hold
@@ -271,7 +275,8 @@ class DrivenCell:
                 return cause
             parts.append((state.t, *(np.asarray(state[name].data).ravel() for name in _OUTPUTS)))
             reached = float(state.t[-1])
-            if cause and not self._beyond_cut_off(float(parts[-1][1][-1])):
+            at_limit = not cause or self._beyond_cut_off(float(parts[-1][1][-1]))
+            if not at_limit and not self._collapses(*parts[-1][:2]):
                 return cause
             if reached >= last - JUMP_S:
                 return ""
@@ -279,7 +284,8 @@ class DrivenCell:
                 stuck += 1
                 continue
             step_end = float(self._stops[self._stops > reached + JUMP_S][0])
-            pauses.append(Pause(reached, step_end, self._is_empty(float(parts[-1][1][-1]))))
+            is_empty = self._is_empty(float(parts[-1][1][-1])) if at_limit else self._flowing(reached) > 0.0
+            pauses.append(Pause(reached, step_end, is_empty))
             # Already over when the integrator goes on, so that the limit is not reached at once again.
             pause, stuck = (reached - 2 * JUMP_S, step_end), 0
         return "the cell is at its limit again as soon as no current passes"
@@ -292,6 +298,25 @@ class DrivenCell:
         """Whether a cell that the integrator gave up on was about to run empty or full: there its voltage collapses."""
         lowest, highest = self._cell.window_v
         return not lowest < voltage < highest
+
+    def _collapses(self, time: FloatArray, voltage: FloatArray) -> bool:
+        """Whether the voltage of a cell that the integrator gave up on was on its way to a limit ever faster.
+
+        The integrator may give up within a second of a voltage that is still within the cut-offs. ``time`` and
+        ``voltage`` are of the stretch that it solved, shape (n,).
+        """
+        begin = float(self._stops[self._stops < time[-1]][-1])
+        inside = time >= begin
+        varies = np.any((self._drive.varying > begin) & (self._drive.varying <= time[-1]))
+        # A varying current moves the voltage by itself.
+        if varies or np.count_nonzero(inside) <= _FEWEST_SLOPES:
+            return False
+        towards_limit = -np.diff(voltage[inside]) / np.diff(time[inside]) * np.sign(self._flowing(float(time[-1])))
+        return bool(towards_limit[-1] > USUAL_SLOPE * np.median(np.abs(towards_limit)))
+
+    def _flowing(self, time: float) -> float:
+        """The measured current just before a time, A."""
+        return float(np.interp(time - 2 * JUMP_S, self._drive.time, self._drive.current))
 
     def current(self, times: FloatArray, pauses: Sequence[Pause]) -> FloatArray:
         """The current that the cell passed, A, shape (n,)."""

@@ -1,11 +1,12 @@
 """A cell that is driven by its measured current."""
 
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from bsa.core.task import CellModel
-from bsa.core.trajectory import Step, StepKind, Trajectory
+from bsa.core.trajectory import FloatArray, Step, StepKind, Trajectory
 from bsa.plugins.effects.catalogue import EFFECTS
 from bsa.plugins.pybamm.solving.driven_cell import DrivenCell
 
@@ -43,3 +44,37 @@ def test_a_cell_that_a_leak_empties_in_a_rest_is_empty():
     response = cell.follow({leak.full_name(leak.strength): 0.3}, clock, 0.06)
     assert [pause.empty for pause in response.pauses] == [True]
     assert response.voltage[-1] < 2.1
+
+
+class Stretch:
+    """What an integrator solved, as `DrivenCell` reads it."""
+
+    def __init__(self, time: FloatArray, voltage: FloatArray) -> None:
+        self.t = time
+        self._values = {"Voltage [V]": voltage, "Volume-averaged cell temperature [K]": np.full(len(time), 298.15)}
+
+    def __getitem__(self, name: str) -> SimpleNamespace:
+        return SimpleNamespace(data=self._values[name])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("last_fall_v", "empties"), [(0.06, True), (0.006, False)])
+def test_an_integrator_that_gives_up_where_the_voltage_collapses_met_an_empty_cell(
+    rest_then_discharge, monkeypatch, last_fall_v, empties
+):
+    """At 10 degC it gave up at 2.94 V, a second before 2.5 V, and the simulation was taken for a failed one."""
+    clock = np.arange(0.0, 4001.0, 20.0)
+    cell = DrivenCell(CellModel("Chen2020", "SPM"), (), rest_then_discharge(clock, 60.0, 5.0), {}, 298.15)
+    discharge = np.arange(80.0, 2001.0, 20.0)
+    falling = 3.6 - 0.006 * np.arange(len(discharge))
+    falling[-1] = falling[-2] - last_fall_v
+
+    def solved(before, *_):
+        if before is None:
+            return Stretch(discharge, falling), "the integrator gave up"
+        return Stretch(np.array([2000.0, 4000.0]), np.array([3.1, 3.2])), ""
+
+    monkeypatch.setattr(cell, "_advance", solved)
+    response = cell.follow({}, clock, 0.9)
+    assert [pause.empty for pause in response.pauses] == [True] * empties
+    assert bool(response.cause) is not empties
