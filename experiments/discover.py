@@ -28,6 +28,7 @@ from ..plugins.pybamm.simulators.effect_simulator_pool import EffectSimulatorPoo
 from .discovery_case import DiscoverOptions, read_case
 from .discovery_journal import opened
 from .discovery_setup import DiscoverySetup, say_notes, set_up
+from .misfit_notes import discovery_notes
 from .told_simulations import ToldSimulations
 
 RESULT = "discovery.json"
@@ -140,20 +141,22 @@ def discover_on(
     predictions = _predicted(problem, findings.best)
     noise = findings.gap.noise_v
     places = localise(problem.observations, before, setup.capacity_ah)
-    beyond = [
+    remarks = [
         f"{name}: {soc:.3f}, as fitted, is outside 0 to 1, the window between the parameter set's empty and full cell. "
         "Its potentials or its capacity may not be those of the measured cell."
         for name, soc in findings.best.beyond_window.items()
     ]
-    say_notes(beyond, listener)
+    left = problem.errors(predictions)
+    remarks += discovery_notes(problem, left, {nomination.effect.name for nomination in findings.nominations})
+    say_notes(remarks, listener)
     discovery = RecordDiscovery(
         findings,
         places,
-        localise(problem.observations, problem.errors(predictions), setup.capacity_ah),
+        localise(problem.observations, left, setup.capacity_ah),
         in_words(places, noise),
         setup.capacity_ah,
         ranking=asked[-1] if asked else None,
-        notes=[*setup.notes, *(f"not built: {name}: {why}" for name, why in setup.simulator.refused.items()), *beyond],
+        notes=[*setup.notes, *(f"not built: {name}: {why}" for name, why in setup.simulator.refused.items()), *remarks],
         restricted=options.effects is not None,
     )
     best = findings.best

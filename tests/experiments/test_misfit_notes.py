@@ -1,5 +1,7 @@
 """What is said of a misfit that parameters cannot remove."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from bsa.core.feedback import Feedback
@@ -7,7 +9,7 @@ from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import FloatArray, Step, StepKind, Trajectory
 from bsa.core.trial import Trial
-from bsa.experiments.misfit_notes import misfit_notes
+from bsa.experiments.misfit_notes import discovery_notes, misfit_notes
 
 SPACE = ParameterSpace((Parameter("Negative particle radius [m]", 5e-6, 1e-6, 2e-5, "log"),))
 
@@ -56,6 +58,17 @@ def test_a_rest_that_the_model_ends_too_early_names_what_to_try() -> None:
 )
 def test_other_rests_say_nothing(measured: Trajectory, simulated: Trajectory | None, effects: tuple[str, ...]) -> None:
     assert told(measured, simulated, effects=effects) == []
+
+
+def test_a_discovery_names_an_effect_that_it_did_not_consider() -> None:
+    measured, simulated = record(7200.0, 0.2, clock=5.0), record(7200.0, 0.0, clock=5.0)
+    seen = SimpleNamespace(measured_record=SimpleNamespace(record=measured), time=measured.time)
+    problem, errors = SimpleNamespace(observations=[seen]), [measured.voltage - simulated.voltage]
+    (said,) = discovery_notes(problem, errors, {"contact-resistance"})
+    assert "by 134 mV more than the simulated one" in said
+    assert "--effect slow-active-material" in said
+    assert discovery_notes(problem, errors, {"slow-active-material"}) == []
+    assert discovery_notes(problem, [0.0 * errors[0]], {"contact-resistance"}) == []
 
 
 def test_a_misfit_that_follows_the_curve_points_to_a_discovery() -> None:
