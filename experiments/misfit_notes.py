@@ -13,6 +13,7 @@ from ..core.trial import Trial
 from .tasks.measured_cell import RESISTANCE
 
 _SLOW = "slow-active-material"
+_IN_A_FIT = f"--effect {_SLOW}.negative-electrode --search silicon-cell"
 
 
 def misfit_notes(task: Task, best: Trial, to_discover: str) -> list[str]:
@@ -24,7 +25,7 @@ def misfit_notes(task: Task, best: Trial, to_discover: str) -> list[str]:
             f"more simulations do not remove it. To look for it: {to_discover}"
         )
     if not any(name.startswith(_SLOW) for name in task.cell.effects):
-        notes += _slow_rest(_rises_of(task, best), f"--effect {_SLOW}.negative-electrode --search silicon-cell")
+        notes += _slow_rest(_rises_of(task, best), _IN_A_FIT)
     if _shows_too_much_at_once(task, best):
         notes.append(
             "The contact resistance ended at its lower bound, although the records hold pulses: the simulated "
@@ -52,7 +53,7 @@ def discovery_notes(problem: Problem, errors: Sequence[FloatArray], considered: 
         return []
     compared = zip(problem.observations, errors, strict=True)
     rises = (rise for seen, error in compared for rise in rises_beyond(seen.measured_record.record, seen.time, error))
-    return _slow_rest(rises, f"--effect {_SLOW}; it is considered on request only")
+    return _slow_rest(rises, f"bsa-run with {_IN_A_FIT}, or a discovery with --effect {_SLOW}")
 
 
 def _slow_rest(rises: Iterable[float], how: str) -> list[str]:
