@@ -147,7 +147,7 @@ def discover_on(
         for name, soc in findings.best.beyond_window.items()
     ]
     left = problem.errors(predictions)
-    remarks += discovery_notes(problem, left, {nomination.effect.name for nomination in findings.nominations})
+    remarks += discovery_notes(problem.observations, left, {n.effect.name for n in findings.nominations})
     say_notes(remarks, listener)
     discovery = RecordDiscovery(
         findings,

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from ..core.comparison.slow_rests import GOES_ON_V, rises_beyond
-from ..core.discovery.problem import Problem
+from ..core.discovery.observations import Observations
 from ..core.inference.identifiability import is_structured
 from ..core.task import Task
 from ..core.trajectory import FloatArray, StepKind
@@ -44,14 +44,16 @@ def _shows_too_much_at_once(task: Task, best: Trial) -> bool:
     return pulsed and task.space[RESISTANCE].bound_at(best.candidate[RESISTANCE]) == "lower"
 
 
-def discovery_notes(problem: Problem, errors: Sequence[FloatArray], considered: Iterable[str]) -> list[str]:
+def discovery_notes(
+    observations: Sequence[Observations], errors: Sequence[FloatArray], considered: Iterable[str]
+) -> list[str]:
     """Sentences about what an explanation leaves, that effects which are considered on request might explain.
 
     ``errors`` are measured minus simulated voltage by record, V, and ``considered`` the names of the effects that were.
     """
     if _SLOW in considered:
         return []
-    compared = zip(problem.observations, errors, strict=True)
+    compared = zip(observations, errors, strict=True)
     rises = (rise for seen, error in compared for rise in rises_beyond(seen.measured_record.record, seen.time, error))
     return _slow_rest(rises, f"bsa-run with {_IN_A_FIT}, or a discovery with --effect {_SLOW}")
 

@@ -50,12 +50,12 @@ def without_ramps(signals: RecordSignals, levels: list[Level]) -> list[Level]:
     """Give the samples of a current that a cycler ramps up to a constant one to the long step that follows."""
     joined: list[Level] = []
     for level in levels:
-        first = len(joined)
-        while level.long and level.sign != 0 and first > 0 and _rises(joined[first - 1], [*joined, level][first]):
+        first, after = len(joined), level
+        while level.long and level.sign != 0 and first > 0 and _rises(joined[first - 1], after):
             first -= 1
-        if first < len(joined) and signals.time[level.start] - signals.time[joined[first].start] <= RAMP_S:
-            start = joined[first].start
-            level = replace(level, start=start, seconds=signals.seconds(start, level.stop))
+            after = joined[first]
+        if after is not level and signals.time[level.start] - signals.time[after.start] <= RAMP_S:
+            level = _begun_at(signals, level, after.start)
             del joined[first:]
         joined.append(level)
     return joined
@@ -66,13 +66,17 @@ def _rises(before: Level, after: Level) -> bool:
     return short and before.sign == after.sign and abs(before.mean) < abs(after.mean)
 
 
+def _begun_at(signals: RecordSignals, level: Level, start: int) -> Level:
+    return replace(level, start=start, seconds=signals.seconds(start, level.stop))
+
+
 def without_edges(signals: RecordSignals, levels: list[Level]) -> list[Level]:
     """Give the one or two samples caught in the middle of a switch to the long step they belong to."""
     joined: list[Level] = []
     pending: int | None = None
     for index, level in enumerate(levels):
         if pending is not None:
-            level = replace(level, start=pending, seconds=signals.seconds(pending, level.stop))
+            level = _begun_at(signals, level, pending)
             pending = None
         before = levels[index - 1] if index > 0 else None
         after = levels[index + 1] if index + 1 < len(levels) else None

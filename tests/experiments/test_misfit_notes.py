@@ -63,12 +63,12 @@ def test_other_rests_say_nothing(measured: Trajectory, simulated: Trajectory | N
 def test_a_discovery_names_an_effect_that_it_did_not_consider() -> None:
     measured, simulated = record(7200.0, 0.2, clock=5.0), record(7200.0, 0.0, clock=5.0)
     seen = SimpleNamespace(measured_record=SimpleNamespace(record=measured), time=measured.time)
-    problem, errors = SimpleNamespace(observations=[seen]), [measured.voltage - simulated.voltage]
-    (said,) = discovery_notes(problem, errors, {"contact-resistance"})
+    errors = [measured.voltage - simulated.voltage]
+    (said,) = discovery_notes([seen], errors, {"contact-resistance"})
     assert "by 134 mV more than the simulated one" in said
     assert "--effect slow-active-material" in said
-    assert discovery_notes(problem, errors, {"slow-active-material"}) == []
-    assert discovery_notes(problem, [0.0 * errors[0]], {"contact-resistance"}) == []
+    assert discovery_notes([seen], errors, {"slow-active-material"}) == []
+    assert discovery_notes([seen], [0.0 * errors[0]], {"contact-resistance"}) == []
 
 
 def test_a_misfit_that_follows_the_curve_points_to_a_discovery() -> None:

@@ -316,7 +316,7 @@ class DrivenCell:
 
     def _flowing(self, time: float) -> float:
         """The measured current just before a time, A."""
-        return float(np.interp(time - 2 * JUMP_S, self._drive.time, self._drive.current))
+        return float(self.current(np.array([time - 2 * JUMP_S]), ())[0])
 
     def current(self, times: FloatArray, pauses: Sequence[Pause]) -> FloatArray:
         """The current that the cell passed, A, shape (n,)."""
