@@ -305,7 +305,7 @@ class DrivenCell:
         The integrator may give up within a second of a voltage that is still within the cut-offs. ``time`` and
         ``voltage`` are of the stretch that it solved, shape (n,).
         """
-        begin = float(self._stops[self._stops < time[-1]][-1])
+        begin = float(np.max(self._stops[self._stops < time[-1]], initial=self._stops[0]))
         inside = time >= begin
         varies = np.any((self._drive.varying > begin) & (self._drive.varying <= time[-1]))
         # A varying current moves the voltage by itself.

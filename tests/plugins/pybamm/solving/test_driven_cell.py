@@ -78,3 +78,13 @@ def test_an_integrator_that_gives_up_where_the_voltage_collapses_met_an_empty_ce
     response = cell.follow({}, clock, 0.9)
     assert [pause.empty for pause in response.pauses] == [True] * empties
     assert bool(response.cause) is not empties
+
+
+@pytest.mark.slow
+def test_an_integrator_that_gives_up_at_once_says_so(rest_then_discharge, monkeypatch):
+    clock = np.arange(0.0, 401.0, 20.0)
+    cell = DrivenCell(CellModel("Chen2020", "SPM"), (), rest_then_discharge(clock, 60.0, 5.0), {}, 298.15)
+    nothing = Stretch(np.array([0.0]), np.array([3.8]))
+    monkeypatch.setattr(cell, "_advance", lambda *_: (nothing, "the integrator gave up"))
+    response = cell.follow({}, clock, 0.9)
+    assert (response.cause, response.pauses) == ("the integrator gave up", ())
