@@ -32,10 +32,6 @@ from .tasks.influence import no_influence
 if TYPE_CHECKING:
     from .tasks.record_request import RecordRequest
 
-_ADDED = ("Contact resistance [Ohm]",)
-"""Overrides that a calibration task brings along with its options."""
-
-
 class RecordFile(BaseModel, extra="forbid"):
     """A record to read."""
 
@@ -239,17 +235,20 @@ def read_case(options: DiscoverOptions) -> Case:
     """Read the records and settle the base model: size, ambient temperature, initial states of charge."""
     from ..plugins.pybamm.cells.model_options import in_pybamm_spelling
     from .tasks.cell_for_records import ISOTHERMAL, THERMAL
-    from .tasks.measured_cell import CellRequest
-    from .tasks.parameter_source import parameter_source
+    from .tasks.measured_cell import CONTACT, CellRequest
+    from .tasks.parameter_source import model_options_of, parameter_source
     from .tasks.records import measured_experiments
 
+    source = parameter_source(options.parameters)
+    of_run = model_options_of(source)
+    model_options = of_run | in_pybamm_spelling(options.options)
     fitted = [named for file, soc in _started(options) for named in _parts(options, file, soc)]
     held = [named for file in options.holdout for named in _parts(options, file)]
     wanted = CellRequest(
-        parameter_source(options.parameters),
+        source,
         options.model,
         # Whether heat is missing is for the discovery to find.
-        {THERMAL: ISOTHERMAL, **options.options},
+        {THERMAL: ISOTHERMAL, **model_options},
         options.overrides,
         search={},  # what is uncertain is the discovery's own
         scale_to_capacity=options.scale,
@@ -263,14 +262,30 @@ def read_case(options: DiscoverOptions) -> Case:
     starts = {s.name: e.initial_soc for s, e in zip(measured_records, found.experiments, strict=True)}
     count, base = len(fitted), found.cell.model
     # A calibration task may add options for what it searches; here the base model is what was asked for.
-    fixed = {name: value for name, value in base.overrides.items() if name not in _ADDED or name in options.overrides}
+    cell = CellModel(base.parameter_set, options.model, model_options, base.overrides)
     return Case(
-        CellModel(base.parameter_set, options.model, in_pybamm_spelling(options.options), fixed),
+        cell if model_options.get(CONTACT) == "true" else _without_resistance(cell),
         tuple(measured_records[:count]),
         tuple(measured_records[count:]),
         {name: soc for name, soc in starts.items() if soc is not None},
-        _said_once(options.notes, found.notes, found.start_notes),
+        _said_once(options.notes, _of_run_note(of_run, options.options), found.notes, found.start_notes),
     )
+
+
+def _without_resistance(cell: CellModel) -> CellModel:
+    """A cell model whose set has no contact resistance that it does not use: an effect would begin with that one."""
+    from ..plugins.pybamm.cells.parameter_sets import load
+    from .tasks.measured_cell import RESISTANCE
+
+    if RESISTANCE in cell.overrides or not load(cell.parameter_set, cell.overrides).get(RESISTANCE, 0.0):
+        return cell
+    return replace(cell, overrides={**cell.overrides, RESISTANCE: 0.0})
+
+
+def _of_run_note(of_run: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str]:
+    """What is to be said of the model options that a base model has from the run that it starts from."""
+    taken = [f"{name}={value}" for name, value in of_run.items() if name not in asked]
+    return [f"The base model has the model options of the run: {', '.join(taken)}."] * bool(taken)
 
 
 def read_life(options: DiscoverOptions) -> Task:

@@ -13,8 +13,9 @@ from ...core.errors import BsaError
 from ...core.files import file_error
 from ...core.parameters import Parameter, ParameterSpace
 from ...core.run.journal import FILE_NAME as JOURNAL
+from ...core.shape import shaped
 from ...core.target import ALIKE_V, CellChange, InitialSoc, InitialVoltage, Target
-from ...core.task import NEAREST, ParameterFile, ParameterSource, Task
+from ...core.task import NEAREST, CellModel, ParameterFile, ParameterSource, Task
 from ..run_record import RunRecord, read_run
 from .influence import simulated_models, with_influence
 
@@ -50,6 +51,13 @@ def parameter_source(given: ParameterSource) -> ParameterSource:
     except UnicodeDecodeError:
         raise BsaError(f"{path} is no text in UTF-8.", "give BPX or PyBaMM's parameter values, as JSON.") from None
     return parsed(path.name, text)
+
+
+def model_options_of(source: ParameterSource) -> dict[str, Any]:
+    """PyBaMM's model options of the cell that a run found; none of a set or of another file."""
+    if not isinstance(source, ParameterFile) or source.kind != "calibrated":
+        return {}
+    return dict(shaped(CellModel, json.loads(source.text)["cell"]).options)
 
 
 def is_run(given: str) -> bool:

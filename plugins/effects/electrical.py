@@ -7,12 +7,9 @@ from ...core.effect import Effect, EffectParameter, Evidence
 from ..pybamm.augmentation import PyBaMMPart
 
 
-def _contact_resistance_lacks(evidence: Evidence) -> str:
-    return "the base model has a contact resistance already" * (evidence.options.get("contact resistance") == "true")
-
-
 def _resistance(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
-    return {"Contact resistance [Ohm]": p["resistance"]}
+    # A base model may have one already: that of a run has the fitted one.
+    return {"Contact resistance [Ohm]": known["Contact resistance [Ohm]"] + p["resistance"]}
 
 
 contact_resistance = Effect(
@@ -23,8 +20,9 @@ contact_resistance = Effect(
     signature="a voltage error proportional to the current, at once with every current step, the same at every "
     "state of charge, gone at rest",
     citation="Taylor et al., Meas. Sci. Technol. 33 (2022) 105101, doi:10.1088/1361-6501/ac75b4",
-    physics=PyBaMMPart(options={"contact resistance": "true"}, values=_resistance),
-    lacks=_contact_resistance_lacks,
+    physics=PyBaMMPart(
+        options={"contact resistance": "true"}, borrowed={"Contact resistance [Ohm]": 0.0}, values=_resistance
+    ),
 )
 
 
