@@ -32,6 +32,7 @@ from .tasks.influence import no_influence
 if TYPE_CHECKING:
     from .tasks.record_request import RecordRequest
 
+
 class RecordFile(BaseModel, extra="forbid"):
     """A record to read."""
 

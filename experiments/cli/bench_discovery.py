@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from . import completion
 from . import shared_options as shared
 from .campaign import Executors, finish
 from .option_groups import with_options
@@ -45,8 +46,49 @@ def make_command(
     """Make blind cases, with their answers sealed."""
     from ..discovery_bench.draws import draw, draw_short
     from ..discovery_bench.making import make_cases
+    from ..discovery_bench.simulated_case import simulated
 
-    make_cases(folder, count, seed, print, draw_short if short else draw)
+    make_cases(folder, simulated(draw_short if short else draw), count, seed, print)
+
+
+@discovery_app.command("hide")
+@with_options(shared.Reading)
+def hide_command(
+    folder: Folder,
+    data: Annotated[list[Path], shared.records_option("--data", metavar="FILE...", help="Records of one cell.")],
+    parameters: Annotated[
+        str,
+        shared.model_option(
+            metavar="NAME|FILE|RUN",
+            help="Parameters to start from; best a run that fitted this cell.",
+            autocompletion=completion.parameter_sets,
+        ),
+    ],
+    holdout: shared.Holdout = None,
+    *,
+    reading: shared.Reading,
+    model: shared.Model = "DFN",
+    search: Annotated[
+        str,
+        shared.model_option(
+            metavar="NAME", help="What is uncertain, as in bsa discover.", autocompletion=completion.uncertain_presets
+        ),
+    ] = "measured",
+    count: Annotated[
+        int, shared.records_option(min=1, metavar="N", help="How many cases to make, the seed's first.")
+    ] = 20,
+    seed: shared.Seed = 2026,
+) -> None:
+    """Hide effects in measured records: blind cases of a real cell, with their answers sealed."""
+    from ..discovery_bench.making import make_cases
+    from ..discovery_bench.measured_case import hidden_in
+    from ..task_request import Records
+
+    asked = Records(data, holdout or (), reading.readings())
+    files = (*data, *(holdout or ()))
+    records = [read.record(file) for read, file in zip(asked.each_read(), files, strict=True)]
+    base = {"parameters": parameters, "model": model, "search": search}
+    make_cases(folder, hidden_in(records[: len(data)], records[len(data) :], base), count, seed, print)
 
 
 @discovery_app.command("run")

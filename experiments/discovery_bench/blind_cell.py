@@ -98,17 +98,10 @@ def _cell(case: Path, kind: Kind, asked: Mapping[str, Any]) -> StudyCell:
 
 
 def options_of(folder: Path, **asked: Any) -> DiscoverOptions:
-    """What is asked of a case: its last record is held out; ``asked`` are other options."""
+    """What is asked of a case: its last records are held out, one by default; ``asked`` are other options."""
     with decoding(folder / DESCRIPTION, "a blind case", "make the cases anew."):
-        description = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
-        records = [{"path": folder / r["file"], "read": {"ambient_c": r["ambient_c"]}} for r in description["records"]]
-        return DiscoverOptions.model_validate(
-            {
-                "data": records[:-1],
-                "holdout": records[-1:],
-                "parameters": description["parameters"],
-                "model": description["model"],
-                "points": POINTS,
-                **asked,
-            }
-        )
+        base = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
+        records = [{"path": folder / r["file"], "read": {"ambient_c": r["ambient_c"]}} for r in base.pop("records")]
+        fitted = len(records) - base.pop("held_out", 1)
+        content = {"data": records[:fitted], "holdout": records[fitted:], "points": POINTS, **base, **asked}
+        return DiscoverOptions.model_validate(content)

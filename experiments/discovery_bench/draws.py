@@ -1,5 +1,6 @@
 """Draws a blind case from a seed: all of it, so that who writes the search cannot know what is hidden."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal
@@ -78,12 +79,12 @@ def draw(seed: int, number: int, attempt: int = 0) -> Draw:
     rng = np.random.default_rng([seed, number, attempt, 2])
     setting = setting_of(seed, number)
     model = "DFN" if rng.random() < DFN_SHARE else "SPMe"
-    effects = _effects(setting, rng)
+    effects = drawn_effects(setting, rng)
     if effects and model not in effects[0].models:
         model = effects[0].models[0]
     chemistry = str(rng.choice(CHEMISTRIES))
     size = _capacity_ah(chemistry) / 5.0
-    strengths = {effect.strength: _strength(effect, size, rng) for effect in effects}
+    strengths = {effect.strength: drawn_strength(effect, size, rng) for effect in effects}
     outside = str(rng.choice(list(OUTSIDE))) if setting == "outside" else ""
     hidden = Hidden(
         chemistry,
@@ -91,12 +92,12 @@ def draw(seed: int, number: int, attempt: int = 0) -> Draw:
         effects,
         strengths,
         _shifts(rng),
-        noise_v=_log_uniform(2e-4, 2e-3, rng),
+        noise_v=log_uniform(2e-4, 2e-3, rng),
         heavy_tailed=bool(rng.random() < 0.5),
         resolution_v=float(rng.choice([1e-4, 5e-4, 1e-3])),
         points=int(rng.integers(25, 41)),
         outside=outside,
-        outside_strength=_log_uniform(*OUTSIDE[outside][1:], rng) if outside else 0.0,
+        outside_strength=log_uniform(*OUTSIDE[outside][1:], rng) if outside else 0.0,
     )
     protocols = _protocols({effect.records for effect in effects}, rng)
     return Draw(setting, hidden, protocols, *_conditions(effects, protocols, rng))
@@ -111,7 +112,7 @@ def draw_short(seed: int, number: int, attempt: int = 0) -> Draw:
     known = [effect for effect in EFFECTS if "SPMe" in effect.models]
     effect = known[number % len(known)]
     chemistry = str(rng.choice(CHEMISTRIES))
-    strength = _strength(effect, _capacity_ah(chemistry) / 5.0, rng)
+    strength = drawn_strength(effect, _capacity_ah(chemistry) / 5.0, rng)
     hidden = Hidden(chemistry, "SPMe", (effect,), {effect.strength: strength}, _shifts(rng), points=25)
     fitted = _SHORT[effect.records]
     protocols = (*fitted, fitted[0])
@@ -123,13 +124,16 @@ def _capacity_ah(chemistry: str) -> float:
     return float(pybamm.ParameterValues(chemistry)["Nominal cell capacity [A.h]"])
 
 
-def _effects(setting: Setting, rng: np.random.Generator) -> tuple[HiddenEffect, ...]:
+def drawn_effects(
+    setting: Setting, rng: np.random.Generator, among: Sequence[HiddenEffect] = EFFECTS
+) -> tuple[HiddenEffect, ...]:
+    """The effects of the catalogue that a case hides."""
     if setting in ("none", "outside"):
         return ()
     if setting == "single":
-        return (EFFECTS[int(rng.integers(len(EFFECTS)))],)
+        return (among[int(rng.integers(len(among)))],)
     while True:
-        first, second = (EFFECTS[int(k)] for k in rng.choice(len(EFFECTS), 2, replace=False))
+        first, second = (among[int(k)] for k in rng.choice(len(among), 2, replace=False))
         if not (first.alone or second.alone or first.name == second.name) and _go_together(first, second):
             return first, second
 
@@ -141,10 +145,11 @@ def _go_together(first: HiddenEffect, second: HiddenEffect) -> bool:
     return alike and not ({first.records, second.records} >= {"ageing", "ambients"})
 
 
-def _strength(effect: HiddenEffect, size: float, rng: np.random.Generator) -> float:
+def drawn_strength(effect: HiddenEffect, size: float, rng: np.random.Generator) -> float:
+    """The strength of an effect in a cell of ``size`` times 5 A.h."""
     scale = {"": 1.0, "current": size, "resistance": 1.0 / size}[effect.scale]
     sign = -1.0 if effect.signed and rng.random() < 0.5 else 1.0
-    return effect.null + sign * scale * _log_uniform(effect.low, effect.high, rng)
+    return effect.null + sign * scale * log_uniform(effect.low, effect.high, rng)
 
 
 def _shifts(rng: np.random.Generator) -> dict[str, float]:
@@ -179,5 +184,6 @@ def _conditions(
     return tuple(float(a) for a in ambients), tuple(float(s) for s in socs)
 
 
-def _log_uniform(low: float, high: float, rng: np.random.Generator) -> float:
+def log_uniform(low: float, high: float, rng: np.random.Generator) -> float:
+    """A number whose logarithm is drawn evenly."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))

@@ -102,6 +102,9 @@ def grade_of(row: Result, answer: Result) -> str:
     verdict, named, hidden = row["verdict"], tuple(row["names"]), _hidden(answer)
     if verdict == "failed":
         return "failed"
+    if not hidden and answer.get("measured"):
+        # What a measured cell lacks of its own nobody knows, and no name can be checked.
+        return "right" if verdict in ("no-missing-effect", "unexplained") else "wrong"
     if not hidden:
         return "right" if verdict == "no-missing-effect" else "declined" if verdict == "unexplained" else "wrong"
     if answer["outside"]:
@@ -115,7 +118,7 @@ def grade_of(row: Result, answer: Result) -> str:
 
 def _evidence(row: Result, answer: Result) -> float | None:
     """Half the difference of BIC between the base fit and the truth, which has the hidden strengths besides."""
-    if not answer["keys"] or row.get("base_chi2") is None:
+    if not answer["keys"] or answer["truth_chi2"] is None or row.get("base_chi2") is None:
         return None
     return 0.5 * float(
         row["base_chi2"] - answer["truth_chi2"] - len(answer["keys"]) * math.log(max(answer["averages"], 1))

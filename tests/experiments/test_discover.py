@@ -16,8 +16,8 @@ from bsa.experiments.api.scripts import namespace_of
 from bsa.experiments.discover import discover
 from bsa.experiments.discovery_bench.hidden_cell import Hidden, measure
 from bsa.experiments.discovery_bench.hidden_physics import EFFECTS
-from bsa.experiments.discovery_bench.making import _write
 from bsa.experiments.discovery_bench.protocols import Step
+from bsa.experiments.discovery_bench.simulated_case import _write
 from bsa.experiments.discovery_case import DiscoverOptions, discover_options, read_case, spreads_of
 from bsa.experiments.discovery_journal import opened, read_options
 from bsa.experiments.discovery_setup import set_up
