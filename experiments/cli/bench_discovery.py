@@ -11,6 +11,7 @@ from . import completion
 from . import shared_options as shared
 from .campaign import Executors, finish
 from .option_groups import with_options
+from .several_files import RecordsCommand
 
 if TYPE_CHECKING:
     from ..campaign.summary import Row
@@ -51,7 +52,7 @@ def make_command(
     make_cases(folder, simulated(draw_short if short else draw), count, seed, print)
 
 
-@discovery_app.command("hide")
+@discovery_app.command("hide", cls=RecordsCommand)
 @with_options(shared.Reading)
 def hide_command(
     folder: Folder,

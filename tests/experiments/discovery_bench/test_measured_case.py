@@ -57,14 +57,15 @@ def test_a_measured_cell_as_it_is_may_lack_something_without_a_name(verdict: str
 
 
 def test_the_command_hides_effects_in_files(tmp_path: Path) -> None:
-    file = tmp_path / "cell.csv"
+    file, other = tmp_path / "cell.csv", tmp_path / "other.csv"
     one = record("cell", 2.0).trajectory
     rows = zip(one.time, -one.current, one.voltage, strict=True)
     file.write_text("\n".join(["Test Time / s,Current / A,Voltage / V", *(f"{t},{i},{v}" for t, i, v in rows)]))
-    asked = ["hide", str(tmp_path / "blind"), "--data", str(file), "--parameters", "Chen2020"]
+    other.write_bytes(file.read_bytes())
+    asked = ["hide", str(tmp_path / "blind"), "--data", str(file), str(other), "--parameters", "Chen2020"]
     done = CliRunner().invoke(discovery_app, [*asked, "--count", "2", "--seed", "4", "--temperature", "30"])
     assert done.exit_code == 0, done.output
     told = json.loads((tmp_path / "blind" / "case_002" / "case.json").read_text())
-    assert told["records"] == [{"file": "record_1.csv", "ambient_c": pytest.approx(30.0)}]
-    missing = CliRunner().invoke(discovery_app, [*asked[:3], str(tmp_path / "none.csv"), *asked[4:]])
+    assert told["records"] == [{"file": f"record_{n}.csv", "ambient_c": pytest.approx(30.0)} for n in (1, 2)]
+    missing = CliRunner().invoke(discovery_app, [*asked[:3], str(tmp_path / "none.csv"), *asked[5:]])
     assert isinstance(missing.exception, BsaError)
