@@ -23,6 +23,7 @@ from ..core.parameters import ParameterSpace
 from ..core.run.journal import OpenJournal, spent_s
 from ..core.run.recording import Recorder
 from ..core.task import CellModel
+from ..plugins.pybamm.augmentation import effects_in
 from ..plugins.pybamm.before_search.radial_mesh import RadialMesh
 from ..plugins.pybamm.simulators.effect_simulator_pool import EffectSimulatorPool
 from .discovery_case import DiscoverOptions, read_case
@@ -147,7 +148,8 @@ def discover_on(
         for name, soc in findings.best.beyond_window.items()
     ]
     left = problem.errors(predictions)
-    remarks += discovery_notes(problem.observations, left, {n.effect.name for n in findings.nominations})
+    considered = {effect.name for effect in (*(n.effect for n in findings.nominations), *effects_in(case.cell))}
+    remarks += discovery_notes(problem.observations, left, considered)
     say_notes(remarks, listener)
     discovery = RecordDiscovery(
         findings,

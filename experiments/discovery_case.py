@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import filecmp
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -30,6 +30,7 @@ from .task_request import Records
 from .tasks.influence import no_influence
 
 if TYPE_CHECKING:
+    from .tasks.parameter_source import FoundCell
     from .tasks.record_request import RecordRequest
 
 
@@ -230,6 +231,8 @@ class Case:
     # By record, where the search for its initial state of charge starts.
     initial_soc: Mapping[str, float] | None = None
     notes: tuple[str, ...] = ()  # What was assumed or repaired.
+    # Where the parameters of the effects that the base model has are searched from, by full name.
+    strengths: Mapping[str, float] = field(default_factory=dict)
 
 
 def read_case(options: DiscoverOptions) -> Case:
@@ -237,16 +240,15 @@ def read_case(options: DiscoverOptions) -> Case:
     from ..plugins.pybamm.cells.model_options import in_pybamm_spelling
     from .tasks.cell_for_records import ISOTHERMAL, THERMAL
     from .tasks.measured_cell import CONTACT, CellRequest
-    from .tasks.parameter_source import model_options_of, parameter_source
+    from .tasks.parameter_source import found_cell, parameter_source
     from .tasks.records import measured_experiments
 
-    source = parameter_source(options.parameters)
-    of_run = model_options_of(source)
-    model_options = of_run | in_pybamm_spelling(options.options)
+    run = found_cell(options.parameters)
+    model_options = ({} if run is None else dict(run.options)) | in_pybamm_spelling(options.options)
     fitted = [named for file, soc in _started(options) for named in _parts(options, file, soc)]
     held = [named for file in options.holdout for named in _parts(options, file)]
     wanted = CellRequest(
-        source,
+        parameter_source(options.parameters) if run is None else run.parameters,
         options.model,
         # Whether heat is missing is for the discovery to find.
         {THERMAL: ISOTHERMAL, **model_options},
@@ -263,13 +265,15 @@ def read_case(options: DiscoverOptions) -> Case:
     starts = {s.name: e.initial_soc for s, e in zip(measured_records, found.experiments, strict=True)}
     count, base = len(fitted), found.cell.model
     # A calibration task may add options for what it searches; here the base model is what was asked for.
-    cell = CellModel(base.parameter_set, options.model, model_options, base.overrides)
+    effects = () if run is None else run.effects
+    cell = CellModel(base.parameter_set, options.model, model_options, base.overrides, effects)
     return Case(
         cell if model_options.get(CONTACT) == "true" else _without_resistance(cell),
         tuple(measured_records[:count]),
         tuple(measured_records[count:]),
         {name: soc for name, soc in starts.items() if soc is not None},
-        _said_once(options.notes, _of_run_note(of_run, options.options), found.notes, found.start_notes),
+        _said_once(options.notes, _of_run_note(run, options.options), found.notes, found.start_notes),
+        {} if run is None else run.strengths,
     )
 
 
@@ -283,10 +287,15 @@ def _without_resistance(cell: CellModel) -> CellModel:
     return replace(cell, overrides={**cell.overrides, RESISTANCE: 0.0})
 
 
-def _of_run_note(of_run: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str]:
-    """What is to be said of the model options that a base model has from the run that it starts from."""
-    taken = [f"{name}={value}" for name, value in of_run.items() if name not in asked]
-    return [f"The base model has the model options of the run: {', '.join(taken)}."] * bool(taken)
+def _of_run_note(run: FoundCell | None, asked: Mapping[str, Any]) -> list[str]:
+    """What is to be said of the model options and effects that a base model has from the run that it starts from."""
+    if run is None:
+        return []
+    options = [f"{name}={value}" for name, value in run.options.items() if name not in asked]
+    effects = [f"the effect {name}" for name in run.effects]
+    return [f"The base model has what the model of the run has: {', '.join((*options, *effects))}."] * bool(
+        options or effects
+    )
 
 
 def read_life(options: DiscoverOptions) -> Task:

@@ -14,10 +14,9 @@ from ..core.reading.part_of_file import file_and_part
 from ..core.run import journal
 from ..core.run.journal import FILE_NAME, FORMAT, Journal, OpenJournal, read_events
 from ..core.shape import decoding, shaped
-from ..core.task import ParameterFile
 from .discovery_case import DiscoverOptions
 from .run import go_on, versions
-from .tasks.parameter_source import is_run, names_a_set, parameter_source
+from .tasks.parameter_source import found_cell, names_a_set
 
 KIND = "discovery"
 
@@ -129,8 +128,8 @@ def _digests_of_base(options: DiscoverOptions) -> dict[str, str]:
 
     A run that went on may have found other values since, under the same path.
     """
-    base = parameter_source(options.parameters) if is_run(options.parameters) else None
-    run = hashlib.sha256(base.text.encode()).hexdigest() if isinstance(base, ParameterFile) else ""
+    base = found_cell(options.parameters)
+    run = "" if base is None else hashlib.sha256(base.parameters.text.encode()).hexdigest()
     file = _search_file(options.search)
     return dict(zip(_OF_BASE, (run, file_digest(file) if file else ""), strict=True))
 

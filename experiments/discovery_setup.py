@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ..core.contracts.effect_choice import effects_of
@@ -20,6 +20,7 @@ from ..core.effect import Effect
 from ..core.parameters import ParameterSpace
 from ..core.run.journal import Event, OpenJournal
 from ..core.task import CellModel
+from ..plugins.pybamm.augmentation import effects_in
 from ..plugins.pybamm.before_search.radial_mesh import RadialMesh, radial_mesh
 from ..plugins.pybamm.before_search.uncertain_parameters import uncertain_parameters
 from ..plugins.pybamm.cells.parameter_sets import pybamm
@@ -28,6 +29,10 @@ from ..plugins.pybamm.simulators.effect_simulator import EffectSimulator
 from .discovery_case import Case, DiscoverOptions, spreads_of
 
 SETTLED = "settled"
+
+_KNOWN = 0.5
+"""Standard deviation of an effect's strength that a run found, as a share of it, as wide as that of a diffusivity from
+one simulator to the next."""
 
 
 @dataclass(frozen=True)
@@ -124,6 +129,8 @@ def set_up(
     passed_over: list[str] = []
     # What is wrong with the options is said before anything else.
     catalogue = effects_of(options.effects, None, options.effect_options, passed_over.append)
+    there = {effect.name for effect in effects_in(cell)}
+    catalogue = tuple(effect for effect in catalogue if effect.name not in there)
     known = None if journal is None else Settled.in_events(journal.earlier)
     spreads = spreads_of(options.search, cell) if known is None else known.spreads
     say_notes([*case.notes, *passed_over], listener)
@@ -132,7 +139,7 @@ def set_up(
     if journal is not None and known is None:
         journal.file.append(SETTLED, **Settled(spreads, mesh).event)
     say_notes([mesh.note] * bool(mesh.note), listener)
-    space = uncertain_parameters(case.measured_records, case.initial_soc, spreads)
+    space = _with_strengths(uncertain_parameters(case.measured_records, case.initial_soc, spreads), case)
     simulator = make_simulator(cell, space, mesh)
     floor = 1e-3 * options.floor_mv
     problem = Problem(
@@ -142,3 +149,13 @@ def set_up(
     )
     capacity = equilibrium_capacity_ah(cell.parameter_set, cell.overrides)
     return DiscoverySetup(case, problem, space, catalogue, simulator, mesh, capacity, tuple(passed_over))
+
+
+def _with_strengths(space: ParameterSpace, case: Case) -> ParameterSpace:
+    """The base model's uncertain parameters, and those of the effects that it has, where a run found them."""
+    found = []
+    for parameter in (p for effect in effects_in(case.cell) for p in effect.searched):
+        value = parameter.project(case.strengths.get(parameter.name, parameter.initial))
+        deviation = max(_KNOWN * abs(value), parameter.length) if parameter.scale == "linear" else parameter.deviation
+        found.append(replace(parameter, initial=value, prior=True, deviation=deviation))
+    return ParameterSpace((*space, *found))

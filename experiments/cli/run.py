@@ -212,12 +212,10 @@ def run(
         weight,
         out,
     )
-    from ...core.task import NEAREST
-
     to_discover = ""
-    if data and start_from is None and not effect and not request.task.long:
+    if data and start_from is None and not request.task.long:
         typed = {
-            "--parameters": request.folder if ocp or parameters == NEAREST else parameters,
+            "--parameters": request.folder if _goes_beyond_its_set(request.task, ocp, parameters) else parameters,
             "--model": model,
             "--options": options,
             "--no-scale": not scale,
@@ -227,6 +225,18 @@ def run(
         }
         to_discover = discover_command(request.task, data, holdout or (), typed)
     _execute(request, resources, as_json, identifiability, to_discover)
+
+
+def _goes_beyond_its_set(task: Task, ocp: str, parameters: str | None) -> bool:
+    """Whether a discovery of what a fit leaves has to begin with the fitted cell.
+
+    Its parameter set alone lacks the potentials that were chosen or corrected, or the effects.
+    """
+    from ...core.target import OcpShape
+    from ...core.task import NEAREST
+
+    corrected = any(isinstance(parameter.target, OcpShape) for parameter in task.space)
+    return bool(ocp) or parameters == NEAREST or corrected or bool(task.cell.effects)
 
 
 def _execute(

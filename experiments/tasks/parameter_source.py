@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +13,8 @@ from ...core.errors import BsaError
 from ...core.files import file_error
 from ...core.parameters import Parameter, ParameterSpace
 from ...core.run.journal import FILE_NAME as JOURNAL
-from ...core.shape import shaped
-from ...core.target import ALIKE_V, CellChange, InitialSoc, InitialVoltage, Target
-from ...core.task import NEAREST, CellModel, ParameterFile, ParameterSource, Task
+from ...core.target import ALIKE_V, CellChange, EffectValue, InitialSoc, InitialVoltage, Target
+from ...core.task import NEAREST, ParameterFile, ParameterSource, Task
 from ..run_record import RunRecord, read_run
 from .influence import simulated_models, with_influence
 
@@ -53,11 +52,26 @@ def parameter_source(given: ParameterSource) -> ParameterSource:
     return parsed(path.name, text)
 
 
-def model_options_of(source: ParameterSource) -> dict[str, Any]:
-    """PyBaMM's model options of the cell that a run found; none of a set or of another file."""
-    if not isinstance(source, ParameterFile) or source.kind != "calibrated":
-        return {}
-    return dict(shaped(CellModel, json.loads(source.text)["cell"]).options)
+@dataclass(frozen=True)
+class FoundCell:
+    """The cell that a run found: a set of its own, and what no set holds."""
+
+    parameters: ParameterFile
+    options: Mapping[str, Any]  # PyBaMM's model options.
+    effects: tuple[str, ...]  # Effects in its model, by name.
+    strengths: Mapping[str, float]  # Values of their parameters, by full name.
+
+
+def found_cell(given: str) -> FoundCell | None:
+    """What `--parameters` means where it names a run; None where it does not. Raises as `calibrated`."""
+    folder = None if names_a_set(given) else _run_at(Path(given))
+    if folder is None:
+        return None
+    run = read_finished(folder)
+    cell = run.task.cell
+    own = {p.name for p in run.task.space if isinstance(p.target, EffectValue)}
+    strengths = {name: value for name, value in run.best.candidate.items() if name in own}
+    return FoundCell(_without_effects(run), cell.options, cell.effects, strengths)
 
 
 def is_run(given: str) -> bool:
@@ -102,8 +116,13 @@ def _calibrated(run: RunRecord) -> ParameterFile:
             f"the model of {run.name} has {', '.join(run.task.cell.effects)} beside its parameters.",
             "begin a run with its search: --start-from RUN without --search; no parameter set holds an effect.",
         )
+    return _without_effects(run)
+
+
+def _without_effects(run: RunRecord) -> ParameterFile:
+    cell = {name: value for name, value in encode_task(run.task)["cell"].items() if name != "effects"}
     content = {
-        "cell": encode_task(run.task)["cell"],
+        "cell": cell,
         "space": [encode_parameter(parameter) for parameter in run.task.space],
         "candidate": dict(run.best.candidate),
     }

@@ -24,6 +24,7 @@ from bsa.experiments.discovery_setup import set_up
 from bsa.experiments.run import read_request
 from bsa.experiments.run_record import read_run
 from bsa.experiments.task_request import Records
+from bsa.experiments.tasks.parameter_source import FoundCell
 from bsa.plugins.pybamm.cells.parameter_sets import pybamm
 from bsa.plugins.pybamm.export.augmented_script import augmented_script
 from bsa.plugins.pybamm.export.calibrated_script import parameter_values_json
@@ -97,6 +98,31 @@ def test_a_record_starts_at_the_state_of_charge_that_was_said_of_it(tmp_path):
         begun(0.7, 0.8, 0.9)
     with pytest.raises(BsaError, match=r"an initial state of charge is 90"):
         begun(90.0)
+
+
+def test_a_base_model_from_a_run_has_its_contact_resistance_and_its_temperature(tmp_path, monkeypatch):
+    """It had neither, so that a discovery named the resistance that the run had found."""
+    file = ParameterFile("run", "parameter-values", parameter_values_json(CellModel("Chen2020", "SPM"), CellChange()))
+    run = FoundCell(file, {"contact resistance": "true", "thermal": "lumped"}, (), {})
+    monkeypatch.setattr("bsa.experiments.tasks.parameter_source.found_cell", lambda given: run)
+    asked = {"data": [half_discharge(tmp_path / "cell.csv", 0.0)], "parameters": "run", "model": "SPM", "scale": False}
+    case = read_case(DiscoverOptions(**asked, out=tmp_path / "out"))
+    assert case.cell.options == {"contact resistance": "true", "thermal": "lumped"}
+    assert "thermal=lumped" in case.notes[0]
+    cool = read_case(DiscoverOptions(**asked, options={"thermal": "isothermal"}, out=tmp_path / "out"))
+    assert cool.cell.options["thermal"] == "isothermal"
+
+
+def test_a_contact_resistance_of_the_set_that_the_model_does_not_use_is_taken_out(tmp_path):
+    """An effect adds to what the base model has, and begins at the base model."""
+    files = [half_discharge(tmp_path / "cell.csv", 0.0)]
+    cell = CellModel("Chen2020", "SPM", overrides={"Contact resistance [Ohm]": 0.02})
+    path = tmp_path / "set.json"
+    path.write_text(parameter_values_json(cell, CellChange()))
+    asked = {"data": files, "parameters": str(path), "model": "SPM", "scale": False, "out": tmp_path / "out"}
+    assert read_case(DiscoverOptions(**asked)).cell.overrides["Contact resistance [Ohm]"] == 0.0
+    used = read_case(DiscoverOptions(**asked, options={"contact resistance": "true"}))
+    assert "Contact resistance [Ohm]" not in used.cell.overrides
 
 
 def test_a_voltage_that_is_written_late_is_kept_so_unless_a_lag_is_given(tmp_path):

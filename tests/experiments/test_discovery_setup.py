@@ -4,6 +4,7 @@ import math
 from contextlib import closing
 
 import numpy as np
+import pytest
 from bsa.core.discovery.simulator import MeasuredRecord
 from bsa.core.run.journal import Journal, OpenJournal, read_events
 from bsa.core.task import CellModel
@@ -35,3 +36,23 @@ def test_what_was_settled_is_not_found_out_again(tmp_path, monkeypatch):
         assert list(read_events(options.out)) == events
     assert again.mesh == MESH
     assert "80 mesh points resolve each particle" in again.notes[0]
+
+
+def test_an_effect_of_the_run_is_in_the_base_model_and_no_candidate_any_more(tmp_path, monkeypatch):
+    time = np.arange(0.0, 1201.0, 30.0)
+    steps = (Step(StepKind.CC_DISCHARGE, 0, len(time), 1),)
+    record = Trajectory(time, np.full(len(time), 1.0), 4.0 - 1e-4 * time, None, steps)
+    cell = CellModel("Chen2020", "SPM", effects=("ocp-hysteresis",))
+    name = "ocp-hysteresis: half_gap [V]"
+    case = Case(cell, (MeasuredRecord("a", record, 298.15),), strengths={name: 0.02})
+    options = DiscoverOptions(data=["a.csv"], parameters="Chen2020", model="SPM", out=tmp_path / "out")
+    monkeypatch.setattr(discovery_setup, "radial_mesh", lambda *_: MESH)
+    found = set_up(case, options)
+    assert found.space[name].initial == 0.02
+    assert found.space[name].prior
+    assert "ocp-hysteresis" not in {effect.name for effect in found.catalogue}
+    start = found.space.at(np.zeros(len(found.space)))
+    base, without = (found.problem.predict((), {**start, **more}) for more in ({}, {name: 0.0}))
+    # A fifteenth of the capacity has passed, of which a twentieth brings the hysteresis to 1/e of its end.
+    grown = 1.0 - math.exp(-20.0 / 15.0)
+    assert without[0].voltage[-1] - base[0].voltage[-1] == pytest.approx(0.02 * grown, rel=0.02)

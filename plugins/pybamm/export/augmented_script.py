@@ -12,7 +12,7 @@ from ....core.printable import shown
 from ....core.target import CellChange, Target, change_of
 from ....core.task import CellModel, ParameterFile
 from ....core.thinning import evenly
-from ..augmentation import augmented_cell
+from ..augmentation import augmented_cell, effects_in
 from ..cells.model_options import as_built
 from ..cells.parameter_sets import FILL_FROM, load, pybamm
 from ..cells.state_of_charge import InitialState, initial_concentration
@@ -42,6 +42,7 @@ def augmented_script(
     ``resolution`` is that with which the discovery measured its discretisation, so that the script's curve is the
     report's.
     """
+    effects = (*effects_in(cell), *effects)
     augmented = augmented_cell(cell, effects)
     state = InitialState(load(cell.parameter_set, cell.overrides))
     change = change_of(targets, candidate)

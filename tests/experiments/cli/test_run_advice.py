@@ -11,9 +11,12 @@ from bsa.core.inference.forecast import Forecast
 from bsa.core.inference.identifiability import Identifiability, Interval
 from bsa.core.inference.measure_next import Suggestion
 from bsa.core.inference.post_fit_analysis import PostFitAnalysis
+from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.run.journal import read_events
 from bsa.core.run.run_config import RunConfig
-from bsa.experiments.cli.run import _execute, _how_to_go_on, _print_summary
+from bsa.core.target import OcpShape
+from bsa.core.task import CellModel
+from bsa.experiments.cli.run import _execute, _goes_beyond_its_set, _how_to_go_on, _print_summary
 from bsa.experiments.report.identifiability import caution_line, next_line
 from bsa.experiments.request import RunRequest
 from bsa.experiments.run import Resources, discovery_command_of
@@ -21,6 +24,7 @@ from bsa.experiments.run_record import read_run
 from bsa_toy_cell import toy_scaffold, toy_task
 
 WIDE = "Contact resistance [Ohm]"
+CELL_MODEL = CellModel("Chen2020", "SPM")
 
 
 def test_a_structured_misfit_points_to_the_command_and_a_good_fit_does_not(run_toy, tmp_path) -> None:
@@ -37,6 +41,19 @@ def test_a_structured_misfit_points_to_the_command_and_a_good_fit_does_not(run_t
 
     assert any("bsa discover X" in text for text in notes(1))
     assert not any("bsa discover" in text for text in notes(40))
+
+
+def test_a_discovery_begins_with_the_fitted_cell_where_the_set_lacks_what_was_fitted() -> None:
+    task = toy_task()
+    shape = Parameter("bump", 0.0, -0.1, 0.1, target=OcpShape("Positive", 0.5))
+    corrected = replace(task, space=ParameterSpace((*task.space, shape)))
+    with_effect = replace(task, cell=replace(CELL_MODEL, effects=("ocp-hysteresis",)))
+    plain = replace(task, cell=CELL_MODEL)
+    assert not _goes_beyond_its_set(plain, "", "Chen2020")
+    assert _goes_beyond_its_set(plain, "nearest", "Chen2020")
+    assert _goes_beyond_its_set(plain, "", "nearest")
+    assert _goes_beyond_its_set(corrected, "", "Chen2020")
+    assert _goes_beyond_its_set(with_effect, "", "Chen2020")
 
 
 def test_the_end_names_a_stage_that_lacked_simulations(run_toy, tmp_path, capsys) -> None:

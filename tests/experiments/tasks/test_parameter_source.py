@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,9 @@ from bsa.core.task import Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.core.trial import Trial
 from bsa.experiments.run_record import RunRecord
+from bsa.experiments.tasks import parameter_source as parameter_source_module
 from bsa.experiments.tasks.measured_cell import CellRequest
-from bsa.experiments.tasks.parameter_source import parameter_source, with_its_space
+from bsa.experiments.tasks.parameter_source import found_cell, parameter_source, with_its_space
 from bsa.experiments.tasks.record_request import RecordRequest
 from bsa.experiments.tasks.records import build_task
 from bsa.plugins.pybamm.cells.parameter_sets import load
@@ -46,6 +48,30 @@ def test_the_name_of_an_installed_set_is_no_folder(tmp_path: Path, monkeypatch: 
     assert parameter_source("Chen2020") == "Chen2020"
     with pytest.raises(BsaError, match="does not begin with a run"):
         parameter_source("./Chen2020")
+
+
+def test_a_discovery_gets_what_the_model_of_a_run_has_beside_its_parameters(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = "ocp-hysteresis: half_gap [V]"
+    asked = CellRequest("Chen2020", "SPM", search={SHAPE: {"lower": -0.1, "upper": 0.1}}, effects=["ocp-hysteresis"])
+    task = build_task("t", asked, [RecordRequest(at_rest("a", 3.9))])
+    best = {parameter.name: parameter.initial for parameter in task.space} | {SHAPE: 0.08, name: 0.02}
+    run = replace(finished(task_of(at_rest("a", 3.9))), task=task)
+    run = replace(run, trials=(replace(run.trials[0], candidate=best),))
+    monkeypatch.setattr(parameter_source_module, "read_finished", lambda folder: run)
+    (tmp_path / "journal.jsonl").touch()
+    assert found_cell("Chen2020") is None
+    assert found_cell(str(tmp_path / "set.json")) is None
+    found = found_cell(str(tmp_path))
+    assert found is not None
+    assert found.effects == ("ocp-hysteresis",)
+    assert found.strengths[name] == 0.02
+    assert set(found.strengths) == {one for one in task.space.names if one.startswith("ocp-hysteresis")}
+    assert found.options == {"contact resistance": "true"}
+    assert load(found.parameters)["Nominal cell capacity [A.h]"] == pytest.approx(5.0, rel=0.05)
+    with pytest.raises(BsaError, match="has ocp-hysteresis beside its parameters"):
+        parameter_source(str(tmp_path))
 
 
 def test_a_record_that_was_fitted_starts_at_the_state_of_charge_that_was_found() -> None:

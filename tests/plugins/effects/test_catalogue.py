@@ -61,7 +61,7 @@ def test_every_effect_says_what_it_is(effect):
 def test_an_effect_that_the_base_model_has_is_not_missing():
     has = Evidence("SPMe", {"thermal": "lumped", "contact resistance": "true", "SEI": "reaction limited"}, 9, 20.0, 1.0)
     reasons = {e.key: e.lacks(has) for e in EFFECTS if e.lacks is not None}
-    for key in ("self-heating", "contact-resistance", "sei-growth (reaction-limited)", "electrolyte-transport"):
+    for key in ("self-heating", "sei-growth (reaction-limited)", "electrolyte-transport"):
         assert reasons[key], key
 
 
@@ -169,11 +169,11 @@ def record():
 
 
 BY_KEY = {effect.key: effect for effect in EFFECTS}
+SPME = CellModel("Chen2020", "SPMe")
 
 
-def voltage(effects, driven, extra=None):
-    cell = DrivenCell(CellModel("Chen2020", "SPMe"), effects, driven, {})
-    curve = cell.solve(extra or {}, driven.time, driven.current, 0.9)
+def voltage(effects, driven, extra=None, cell=SPME):
+    curve = DrivenCell(cell, effects, driven, {}).solve(extra or {}, driven.time, driven.current, 0.9)
     assert curve is not None
     return curve.voltage
 
@@ -187,6 +187,18 @@ def test_a_contact_resistance_is_ohms_law():
     # The sample at the instant of a jump stands on either side of it.
     middle = np.concatenate([np.arange(s.start + 2, s.stop - 2) for s in driven.steps])
     np.testing.assert_allclose(change[middle], -0.01 * driven.current[middle], atol=2e-5)
+
+
+@pytest.mark.slow
+def test_a_contact_resistance_adds_to_that_of_the_base_model():
+    driven = record()
+    effect = BY_KEY["contact-resistance"]
+    cell = CellModel("Chen2020", "SPMe", {"contact resistance": "true"}, {"Contact resistance [Ohm]": 0.02})
+    base, more = (
+        voltage(effects, driven, {effect.full_name(effect.strength): 0.01}, cell) for effects in ((), (effect,))
+    )
+    middle = np.concatenate([np.arange(s.start + 2, s.stop - 2) for s in driven.steps])
+    np.testing.assert_allclose((more - base)[middle], -0.01 * driven.current[middle], atol=2e-5)
 
 
 @pytest.mark.slow
