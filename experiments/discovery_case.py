@@ -233,6 +233,7 @@ class Case:
     notes: tuple[str, ...] = ()  # What was assumed or repaired.
     # Where the parameters of the effects that the base model has are searched from, by full name.
     strengths: Mapping[str, float] = field(default_factory=dict)
+    known_v: float = 0.0  # What the run that the base model comes from left of its own records, V.
 
 
 def read_case(options: DiscoverOptions) -> Case:
@@ -274,6 +275,7 @@ def read_case(options: DiscoverOptions) -> Case:
         {name: soc for name, soc in starts.items() if soc is not None},
         _said_once(options.notes, _of_run_note(run, options.options), found.notes, found.start_notes),
         {} if run is None else run.strengths,
+        0.0 if run is None else run.left_v,
     )
 
 
@@ -293,9 +295,10 @@ def _of_run_note(run: FoundCell | None, asked: Mapping[str, Any]) -> list[str]:
         return []
     options = [f"{name}={value}" for name, value in run.options.items() if name not in asked]
     effects = [f"the effect {name}" for name in run.effects]
-    return [f"The base model has what the model of the run has: {', '.join((*options, *effects))}."] * bool(
-        options or effects
-    )
+    notes = [f"The run left {1e3 * run.left_v:.2g} mV of its own records: effects are asked to explain what is more."]
+    if options or effects:
+        notes.insert(0, f"The base model has what the model of the run has: {', '.join((*options, *effects))}.")
+    return notes
 
 
 def read_life(options: DiscoverOptions) -> Task:

@@ -84,7 +84,7 @@ class DiscoverySetup:
         preferred: Callable[[Explanation, Sequence[Nomination]], Sequence[str]] | None = None,
     ) -> Engine:
         """The workflow on it; see `Engine`."""
-        cell = self.case.cell
+        cell, settings = self.case.cell, replace(settings, known_v=self.case.known_v)
         evidence = gather(cell.model, cell.options, [*self.case.measured_records, *self.case.held])
         return Engine(self.problem, self.space, self.catalogue, evidence, settings, listener, preferred)
 

@@ -144,7 +144,7 @@ class Engine:
         return better, result
 
     def _gap(self, base: Explanation, nearest: Explanation) -> Gap:
-        return Gap(base, nearest, self.problem.noise_v, self.problem.held_noise_v)
+        return Gap(base, nearest, self.problem.noise_v, self.problem.held_noise_v, self.settings.known_v)
 
     # --- single effects -------------------------------------------------------------------------------------
 

@@ -1,5 +1,6 @@
 """How hard a discovery looks, and what it found."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -26,6 +27,8 @@ class Settings:
     base_budget: int = 110
     refit_budget: int = 90
     seed: int = 0  # For the second start of the base fit.
+    # What the base model left of records of the same cell that it was fitted to before, root mean square, V.
+    known_v: float = 0.0
 
 
 @dataclass(eq=False)
@@ -68,6 +71,22 @@ class Gap:
     # noise_v, held_noise_v: Measurement noise of the fitted records and of the data not fitted, V.
     noise_v: float
     held_noise_v: float
+    known_v: float = 0.0  # As in `Settings`.
+
+    @property
+    def floor_v(self) -> float:
+        """What no effect is asked to explain of the fitted records, V."""
+        return self._floor(self.noise_v, self.nearest.rmse_v)
+
+    @property
+    def held_floor_v(self) -> float:
+        """The same of data not fitted, V."""
+        return self._floor(self.held_noise_v, self.base.held_rmse_v)
+
+    def _floor(self, noise_v: float, left_v: float) -> float:
+        """Noise, and what the base model is known to lack of the cell, as long as it leaves more than that."""
+        floor_v = math.hypot(noise_v, self.known_v)
+        return floor_v if left_v > floor_v else noise_v
 
 
 @dataclass(eq=False)

@@ -33,12 +33,13 @@ class RecordDiscovery(Discovery):
         base = gap.nearest
         return {
             "noise_mv": 1e3 * gap.noise_v,
+            "known_mv": 1e3 * gap.known_v,
             "base_rmse_mv": 1e3 * base.rmse_v,
             "final_rmse_mv": 1e3 * best.rmse_v,
             "holdout_base_rmse_mv": 1e3 * base.held_rmse_v,
             "holdout_final_rmse_mv": 1e3 * best.held_rmse_v,
-            "closed": closed(base.rmse_v, best.rmse_v, gap.noise_v),
-            "holdout_closed": closed(base.held_rmse_v, best.held_rmse_v, gap.held_noise_v),
+            "closed": closed(base.rmse_v, best.rmse_v, gap.floor_v),
+            "holdout_closed": closed(base.held_rmse_v, best.held_rmse_v, gap.held_floor_v),
         }
 
     @property

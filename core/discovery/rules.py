@@ -42,13 +42,14 @@ def ranked(explanations: Sequence[Explanation]) -> list[Explanation]:
     return sorted(explanations, key=lambda one: bic(one, nearest))
 
 
-def closed(before_v: float, after_v: float, noise_v: float) -> float:
-    """Share of the squared misfit beyond noise that is gone: ``1 - (after^2 - noise^2) / (before^2 - noise^2)``.
+def closed(before_v: float, after_v: float, floor_v: float) -> float:
+    """Share of the squared misfit beyond a floor that is gone: ``1 - (after^2 - floor^2) / (before^2 - floor^2)``.
 
-    Not a number where the error was no larger than noise before: there is nothing of which it would be a share.
+    The floor is the noise, and what the base model is known to lack of the cell; see `Gap.floor_v`. Not a number where
+    the error was no larger than that before: there is nothing of which it would be a share.
     """
-    excess = before_v**2 - noise_v**2
-    return math.nan if excess <= 0 else 1.0 - max(after_v**2 - noise_v**2, 0.0) / excess
+    excess = before_v**2 - floor_v**2
+    return math.nan if excess <= 0 else 1.0 - max(after_v**2 - floor_v**2, 0.0) / excess
 
 
 @dataclass(frozen=True)
@@ -128,11 +129,11 @@ class Rules:
         """Why an explanation is a partial one at most, for what it leaves; empty if it is not."""
         if self.explains_all(found):
             return ""
-        share = closed(gap.nearest.rmse_v, found.rmse_v, gap.noise_v)
+        share = closed(gap.nearest.rmse_v, found.rmse_v, gap.floor_v)
         if share < 1.0 - self.left_over:
             return f"explains {share:.0%} of the squared misfit only, and {_left_in_words(found, gap)}"
-        held, shown = gap.base.held_rmse_v, gap.base.held_rmse_v > (1.0 + self.held_margin) * gap.held_noise_v
-        share = closed(held, found.held_rmse_v, gap.held_noise_v)
+        held, shown = gap.base.held_rmse_v, gap.base.held_rmse_v > (1.0 + self.held_margin) * gap.held_floor_v
+        share = closed(held, found.held_rmse_v, gap.held_floor_v)
         little = shown and share < 1.0 - self.left_over
         return f"explains {share:.0%} of the squared misfit in {self.held_words} only" * little
 

@@ -1,6 +1,7 @@
 """Base parameters by what a person gives: an installed set, a file, or an earlier run."""
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ...core.comparison.signal_metrics import voltage_rmse_mv
 from ...core.encoding import encode_parameter, encode_task
 from ...core.errors import BsaError
 from ...core.files import file_error
@@ -60,6 +62,7 @@ class FoundCell:
     options: Mapping[str, Any]  # PyBaMM's model options.
     effects: tuple[str, ...]  # Effects in its model, by name.
     strengths: Mapping[str, float]  # Values of their parameters, by full name.
+    left_v: float  # Root mean square of the voltage error that the fit left, V; 0 where it compared none.
 
 
 def found_cell(given: str) -> FoundCell | None:
@@ -71,7 +74,10 @@ def found_cell(given: str) -> FoundCell | None:
     cell = run.task.cell
     own = {p.name for p in run.task.space if isinstance(p.target, EffectValue)}
     strengths = {name: value for name, value in run.best.candidate.items() if name in own}
-    return FoundCell(_without_effects(run), cell.options, cell.effects, strengths)
+    assert run.best.metrics is not None  # of a simulation that ran to its end
+    left_mv = voltage_rmse_mv(run.best.metrics)
+    left_v = 1e-3 * left_mv if math.isfinite(left_mv) else 0.0
+    return FoundCell(_without_effects(run), cell.options, cell.effects, strengths, left_v)
 
 
 def is_run(given: str) -> bool:

@@ -103,12 +103,14 @@ def test_a_record_starts_at_the_state_of_charge_that_was_said_of_it(tmp_path):
 def test_a_base_model_from_a_run_has_its_contact_resistance_and_its_temperature(tmp_path, monkeypatch):
     """It had neither, so that a discovery named the resistance that the run had found."""
     file = ParameterFile("run", "parameter-values", parameter_values_json(CellModel("Chen2020", "SPM"), CellChange()))
-    run = FoundCell(file, {"contact resistance": "true", "thermal": "lumped"}, (), {})
+    run = FoundCell(file, {"contact resistance": "true", "thermal": "lumped"}, (), {}, 7e-3)
     monkeypatch.setattr("bsa.experiments.tasks.parameter_source.found_cell", lambda given: run)
     asked = {"data": [half_discharge(tmp_path / "cell.csv", 0.0)], "parameters": "run", "model": "SPM", "scale": False}
     case = read_case(DiscoverOptions(**asked, out=tmp_path / "out"))
     assert case.cell.options == {"contact resistance": "true", "thermal": "lumped"}
     assert "thermal=lumped" in case.notes[0]
+    assert "The run left 7 mV of its own records" in case.notes[1]
+    assert case.known_v == 7e-3
     cool = read_case(DiscoverOptions(**asked, options={"thermal": "isothermal"}, out=tmp_path / "out"))
     assert cool.cell.options["thermal"] == "isothermal"
 

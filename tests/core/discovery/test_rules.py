@@ -96,6 +96,19 @@ def test_data_that_was_not_fitted_decides_what_is_closed_where_it_shows_the_gap(
     assert bool(words) == bool(reason)
 
 
+@pytest.mark.parametrize(("known_mv", "share"), [(0.0, 0.64), (4.0, 0.76), (11.0, 0.64)])
+def test_an_effect_is_not_asked_to_explain_what_the_base_model_left_before(known_mv, share):
+    """A measured cell lacks something everywhere: an effect could close three quarters of its gap only by far more."""
+    base, found = explanation("base", None, rmse=10.0), explanation("effect", None, rmse=2.0)
+    found.adequacy = Adequacy(0.0, 0.0, 1.0)
+    base.rmse_v = base.held_rmse_v = 10e-3
+    found.rmse_v = found.held_rmse_v = 6e-3
+    gap = Gap(base, base, 1e-4, 1e-4, 1e-3 * known_mv)
+    assert closed(10e-3, 6e-3, gap.floor_v) == pytest.approx(share, abs=5e-3)
+    assert gap.held_floor_v == gap.floor_v
+    assert bool(RULES.objection_to(found, gap)) is (share < 0.75)
+
+
 def test_a_name_beside_which_more_than_noise_is_left_says_how_much():
     base = explanation("base", None, rmse=10.0)
     base.rmse_v = base.held_rmse_v = 10e-3

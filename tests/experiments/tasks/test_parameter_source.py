@@ -58,7 +58,8 @@ def test_a_discovery_gets_what_the_model_of_a_run_has_beside_its_parameters(
     task = build_task("t", asked, [RecordRequest(at_rest("a", 3.9))])
     best = {parameter.name: parameter.initial for parameter in task.space} | {SHAPE: 0.08, name: 0.02}
     run = replace(finished(task_of(at_rest("a", 3.9))), task=task)
-    run = replace(run, trials=(replace(run.trials[0], candidate=best),))
+    metrics = SignalMetrics(1.0, {"voltage_rmse_mv": 6.5})
+    run = replace(run, trials=(replace(run.trials[0], candidate=best, metrics=metrics),))
     monkeypatch.setattr(parameter_source_module, "read_finished", lambda folder: run)
     (tmp_path / "journal.jsonl").touch()
     assert found_cell("Chen2020") is None
@@ -66,6 +67,7 @@ def test_a_discovery_gets_what_the_model_of_a_run_has_beside_its_parameters(
     found = found_cell(str(tmp_path))
     assert found is not None
     assert found.effects == ("ocp-hysteresis",)
+    assert found.left_v == pytest.approx(6.5e-3)
     assert found.strengths[name] == 0.02
     assert set(found.strengths) == {one for one in task.space.names if one.startswith("ocp-hysteresis")}
     assert found.options == {"contact resistance": "true"}
