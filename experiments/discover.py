@@ -29,7 +29,7 @@ from ..plugins.pybamm.simulators.effect_simulator_pool import EffectSimulatorPoo
 from .discovery_case import DiscoverOptions, read_case
 from .discovery_journal import opened
 from .discovery_setup import DiscoverySetup, say_notes, set_up
-from .misfit_notes import discovery_notes
+from .misfit_notes import discovery_notes, potentials_note
 from .told_simulations import ToldSimulations
 
 RESULT = "discovery.json"
@@ -150,6 +150,8 @@ def discover_on(
     left = problem.errors(predictions)
     considered = {effect.name for effect in (*(n.effect for n in findings.nominations), *effects_in(case.cell))}
     remarks += discovery_notes(problem.observations, left, considered)
+    if findings.verdict == "unexplained" and not case.known_v:
+        remarks.append(potentials_note(options.parameters))
     say_notes(remarks, listener)
     discovery = RecordDiscovery(
         findings,

@@ -1,5 +1,6 @@
 """What the misfit of a fit to records shows that its parameters cannot remove, and what to try."""
 
+import shlex
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
@@ -56,6 +57,16 @@ def discovery_notes(
     compared = zip(observations, errors, strict=True)
     rises = (rise for seen, error in compared for rise in rises_beyond(seen.measured_record.record, seen.time, error))
     return _slow_rest(rises, f"bsa-run with {_IN_A_FIT}, or a discovery with --effect {_SLOW}")
+
+
+def potentials_note(parameters: str) -> str:
+    """What is to be said where nothing explains what a published cell leaves of measured records."""
+    return (
+        f"The base model has the open-circuit potentials of {parameters} as they are. Those of a cell of another maker "
+        "differ by more than most effects change. A staged fit corrects them (bsa-run --data FILE... --parameters "
+        f"{shlex.quote(parameters)} --scaffold staged --out CELL), and a discovery can begin with it (--parameters "
+        "CELL --search measured)"
+    )
 
 
 def _slow_rest(rises: Iterable[float], how: str) -> list[str]:

@@ -9,7 +9,7 @@ from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import FloatArray, Step, StepKind, Trajectory
 from bsa.core.trial import Trial
-from bsa.experiments.misfit_notes import discovery_notes, misfit_notes
+from bsa.experiments.misfit_notes import discovery_notes, misfit_notes, potentials_note
 
 SPACE = ParameterSpace((Parameter("Negative particle radius [m]", 5e-6, 1e-6, 2e-5, "log"),))
 
@@ -105,3 +105,7 @@ def test_pulses_that_leave_nothing_to_the_contacts_name_the_pores(
     best = Trial(0, "initial", 0, candidate, None, None, None, Feedback(), (None,), 1.0)
     notes = misfit_notes(task, best, "bsa discover --data cell.csv")
     assert [note.endswith("--search pulsed-cell") for note in notes] == [True] * said
+
+
+def test_what_a_published_cell_leaves_may_be_its_potentials():
+    assert "bsa-run --data FILE... --parameters 'my cell.json' --scaffold staged" in potentials_note("my cell.json")
