@@ -183,8 +183,9 @@ class Rules:
         if not accepted:
             first = needed[0]
             reason = f"{first.label}: {self.objection_to(first, gap)}"
-            # What is no better than the base model explains no part of the discrepancy.
-            nearest = first if self.behind(base, first) > 0 else gap.nearest
+            # What is no better than the base model, or no nearer to the records, explains no part of the discrepancy.
+            better = self.behind(base, first) > 0 and first.rmse_v < gap.nearest.rmse_v
+            nearest = first if better else gap.nearest
             return Findings("unexplained", gap, nearest, explanations=explanations, reason=reason)
         best = accepted[0]
         for other in accepted[1:]:

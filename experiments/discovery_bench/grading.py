@@ -23,6 +23,10 @@ _SURFACES = {
 radius: a smaller one, which has more surface, is a larger strength to it."""
 
 
+_MAYBE = ("parameter_error", "evidence", "covered", "left_mv", "known_mv")
+"""Numbers of a case that may be unknown."""
+
+
 @dataclass(frozen=True)
 class Graded:
     """One case with its grade."""
@@ -48,6 +52,9 @@ class Graded:
     # Log odds of the true model at its true parameters over the base fit (BIC); None where nothing can be named.
     evidence: float | None = None
     covered: float | None = None  # Share of the strengths inside their 95 % intervals, where the name is right.
+    strength: str = ""  # How strong what is hidden is, with its unit.
+    left_mv: float | None = None  # What the base model leaves of the fitted records, root mean square, mV.
+    known_mv: float | None = None  # What it left of the records of the run that it comes from, mV.
 
     @property
     def detectable(self) -> bool:
@@ -85,7 +92,18 @@ def _graded(task: str, found: Result, answer: Result) -> Graded:
         answer["model"],
         _evidence(found, answer),
         sum(low <= true <= high for true, _, _, (low, high) in strengths) / len(strengths) if strengths else None,
+        _strength(answer),
+        gap.get("base_rmse_mv"),
+        gap.get("known_mv"),
     )
+
+
+def _strength(answer: Result) -> str:
+    """How strong what is hidden is: ``"0.0123 Ohm"``."""
+    if answer["outside"]:
+        return f"{answer.get('outside_strength', math.nan):.3g} V"
+    units = [(name.partition("[")[2].rstrip("]"), value) for name, value in answer["strengths"].values()]
+    return ", ".join(f"{value:.3g} {unit}".rstrip() for unit, value in units)
 
 
 def _share(gap: Mapping[str, float | None], name: str) -> float:
@@ -153,7 +171,7 @@ def graded_row(graded: Graded) -> dict[str, Any]:
 def graded_of(row: Mapping[str, Any]) -> Graded:
     """The case of a row that `graded_row` made and `read_table` read."""
     texts = {name: tuple(row[name].split(" + ")) if isinstance(row[name], str) else () for name in ("hidden", "named")}
-    known = {name: row.get(name, math.nan) for name in ("parameter_error", "evidence", "covered")}
+    known = {name: row.get(name, math.nan) for name in _MAYBE}
     numbers = {name: None if value is None or math.isnan(value) else float(value) for name, value in known.items()}
-    model = row["model"] if isinstance(row.get("model"), str) else ""
-    return Graded(**{**row, **texts, **numbers, "model": model})
+    words = {name: row[name] if isinstance(row.get(name), str) else "" for name in ("model", "strength")}
+    return Graded(**{**row, **texts, **numbers, **words})

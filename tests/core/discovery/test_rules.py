@@ -119,6 +119,17 @@ def test_a_name_beside_which_more_than_noise_is_left_says_how_much():
         assert RULES.decide(Gap(base, base, 0.5e-3, 0.5e-3), [found]).reason.endswith(said)
 
 
+@pytest.mark.parametrize("found_mv", [9.0, 11.0])
+def test_what_comes_no_nearer_to_the_records_is_no_partial_explanation(found_mv):
+    base, found = explanation("base", None, rmse=10.0), explanation("effect", None, rmse=2.0)
+    base.adequacy = found.adequacy = Adequacy(0.0, 0.0, 1.0)
+    base.rmse_v = base.held_rmse_v = 10e-3
+    found.rmse_v = 1e-3 * found_mv
+    decided = RULES.decide(Gap(base, base, 1e-4, 1e-4), [found])
+    assert decided.verdict == "unexplained"
+    assert decided.best is (found if found_mv < 10.0 else base)
+
+
 @pytest.mark.parametrize("adequate", [True, False])
 def test_two_effects_are_named_only_where_they_leave_no_more_than_noise(adequate):
     base = explanation("base", None, rmse=50.0)

@@ -57,7 +57,7 @@ def page(**given: Any) -> str:
         "verdict": "unexplained",
         "localisation": [place],
         "localisation_after": [place | {"rms_mv": 1.25}],
-        "gap": dict.fromkeys((*_ERRORS, *(f"holdout_{name}" for name in _ERRORS), "noise_mv"), 1.0),
+        "gap": dict.fromkeys((*_ERRORS, *(f"holdout_{name}" for name in _ERRORS), "noise_mv"), 1.0) | {"known_mv": 0.0},
     }
     lists: dict[str, Any] = {name: [] for name in ("effects", "partial", "notes", "in_words", "candidates")}
     unset = lists | dict.fromkeys(("next_experiment", "closure", "backend_ranking"))
@@ -93,7 +93,7 @@ def test_a_proposed_experiment_says_where_it_starts_and_a_correction_what_it_is_
 
 
 def test_what_an_effect_explains_is_said_of_the_errors_and_of_their_squares() -> None:
-    gap = {"base_rmse_mv": 105.63, "final_rmse_mv": 25.44, "closed": 0.94201, "noise_mv": 0.18}
+    gap = {"base_rmse_mv": 105.63, "final_rmse_mv": 25.44, "closed": 0.94201, "noise_mv": 0.18, "known_mv": 0.0}
     gap |= {"holdout_base_rmse_mv": 566.99, "holdout_final_rmse_mv": 14.62, "holdout_closed": 0.999335}
     shown = page(d={"gap": gap}, with_effect=True)
     assert "from 105.63 mV (−76 %); 94 % of the squared misfit beyond noise is explained" in shown
@@ -101,6 +101,15 @@ def test_what_an_effect_explains_is_said_of_the_errors_and_of_their_squares() ->
     worse = page(d={"gap": gap | {"holdout_final_rmse_mv": 600.0, "holdout_closed": -0.12}}, with_effect=True)
     assert "from 566.99 mV (+6 %)</dd>" in worse
     assert page(d={"gap": gap}).count("of the fitted base model</dd>") == 2
+
+
+def test_what_the_run_of_the_base_model_left_stands_beside_the_noise() -> None:
+    assert "Left by the run" not in page()
+    gap = {"base_rmse_mv": 19.2, "final_rmse_mv": 12.3, "closed": 0.75, "noise_mv": 0.1, "known_mv": 8.76}
+    gap |= {"holdout_base_rmse_mv": 20.0, "holdout_final_rmse_mv": 12.0, "holdout_closed": 0.8}
+    shown = page(d={"gap": gap}, with_effect=True)
+    assert "75 % of the squared misfit beyond noise and what the run left is explained" in shown
+    assert '8.76 <small>mV</small></dd><dd class="from">that the base model comes from' in shown
 
 
 def test_the_map_says_what_each_part_is_laid_out_by_and_what_1c_is() -> None:
