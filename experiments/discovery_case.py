@@ -28,6 +28,7 @@ from .file_reading import FileReading
 from .run_names import named_after, numbered_folder
 from .task_request import Records
 from .tasks.influence import no_influence
+from .tasks.parameter_source import is_run
 
 if TYPE_CHECKING:
     from .tasks.parameter_source import FoundCell
@@ -145,6 +146,9 @@ def discover_options(
         fitted = [{**fitted[0], "joined": [file["path"] for file in fitted[1:]]}]
     content = {"data": fitted, "holdout": files[count:], "out": folder, **others}
     content["parameters"] = _parameters_written(parameters, folder)
+    if content.get("search") is None:
+        # A run has fitted what a published set may be wrong by.
+        content["search"] = "measured" if is_run(content["parameters"]) and not records.lives else "all"
     content["notes"] = [
         f"{file['path'].name}: {note}"
         for source, file in zip((*records.sources, *records.held_out), files, strict=True)
@@ -164,7 +168,11 @@ def _check_life(records: Records, others: Mapping[str, Any]) -> None:
         raise BsaError(f"{count} lives were given.", "give one, or --join the files of one cell; each is its own.")
     for name, given, instead in (
         ("holdout", bool(records.held_out), "later cycles than --fit-cycles are held out."),
-        ("search", others.get("search", "all") != "all", "its cell is fitted to the first cycle, by the preset cell."),
+        (
+            "search",
+            others.get("search") not in (None, "all"),
+            "its cell is fitted to the first cycle, by the preset cell.",
+        ),
         ("backend", others.get("backend") is not None, "every mechanism is fitted, and needs no rank."),
     ):
         if given:

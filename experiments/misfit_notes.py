@@ -65,7 +65,7 @@ def potentials_note(parameters: str) -> str:
         f"The base model has the open-circuit potentials of {parameters} as they are. Those of a cell of another maker "
         "differ by more than most effects change. A staged fit corrects them (bsa-run --data FILE... --parameters "
         f"{shlex.quote(parameters)} --scaffold staged --out CELL), and a discovery can begin with it (--parameters "
-        "CELL --search measured)"
+        "CELL)"
     )
 
 

@@ -43,7 +43,7 @@ def discover(
     model: str = "DFN",
     options: Mapping[str, Any] | None = None,
     override: Mapping[str, float] | None = None,
-    search: str | Mapping[str, Any] = "all",
+    search: str | Mapping[str, Any] | None = None,
     scale: bool = True,
     effect: str | Sequence[str] | None = None,
     effect_option: Mapping[str, Any] | None = None,
@@ -85,8 +85,9 @@ def discover(
         Base model.
     options, override : mapping, optional
         PyBaMM's model options, and parameters that are known better.
-    search : str or mapping
-        What is uncertain about the base model: a preset, a YAML file, or factors by name.
+    search : str or mapping, optional
+        What is uncertain about the base model: a preset, a YAML file, or factors by name. Left out, ``"measured"``
+        where the parameters are those of a run, else ``"all"``.
     scale : bool
         Whether the electrode area is scaled to the records' capacity.
     effect : str or sequence of str, optional

@@ -49,13 +49,14 @@ def discover(
         list[str] | None, shared.model_option(metavar="NAME=VALUE", help="A parameter that is known better; repeat.")
     ] = None,
     search: Annotated[
-        str,
+        str | None,
         shared.model_option(
             metavar="NAME|FILE",
-            help="What is uncertain about the base model: all, capacity, particles, measured, or a YAML file.",
+            help="What is uncertain about the base model: all, capacity, particles, measured, or a YAML file; left "
+            "out, measured where the parameters are those of a run, else all.",
             autocompletion=completion.uncertain_presets,
         ),
-    ] = "all",
+    ] = None,
     scale: shared.Scale = True,
     effect: Annotated[
         list[str] | None,

@@ -35,9 +35,8 @@ def parameter_source(given: ParameterSource) -> ParameterSource:
     """
     if isinstance(given, ParameterFile):
         return given
-    path = Path(given)
-    run = _run_at(path)
-    if run is not None and not names_a_set(given):
+    path, run = Path(given), _run_named(given)
+    if run is not None:
         return calibrated(run)
     if path.suffix.lower() != ".json":
         return given
@@ -67,7 +66,7 @@ class FoundCell:
 
 def found_cell(given: str) -> FoundCell | None:
     """What `--parameters` means where it names a run; None where it does not. Raises as `calibrated`."""
-    folder = None if names_a_set(given) else _run_at(Path(given))
+    folder = _run_named(given)
     if folder is None:
         return None
     run = read_finished(folder)
@@ -82,13 +81,14 @@ def found_cell(given: str) -> FoundCell | None:
 
 def is_run(given: str) -> bool:
     """Whether ``--parameters`` means what a run found: its folder, or the ``best_parameters.json`` in it."""
-    return _run_at(Path(given)) is not None
+    return _run_named(given) is not None
 
 
-def _run_at(path: Path) -> Path | None:
+def _run_named(given: str) -> Path | None:
     """The folder of the run that is meant; None where it is no run."""
+    path = Path(given)
     folder = path.parent if path.name == BEST else path
-    return folder if (folder / JOURNAL).is_file() else None
+    return folder if (folder / JOURNAL).is_file() and not names_a_set(given) else None
 
 
 def names_a_set(given: str) -> bool:

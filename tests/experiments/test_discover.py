@@ -115,6 +115,18 @@ def test_a_base_model_from_a_run_has_its_contact_resistance_and_its_temperature(
     assert cool.cell.options["thermal"] == "isothermal"
 
 
+def test_what_a_run_has_fitted_is_half_as_uncertain(tmp_path, run_toy):
+    run_toy(tmp_path / "run", simulations=2)
+    records = Records([half_discharge(tmp_path / "cell.csv", 0.0)])
+
+    def searched(parameters, **others):
+        return discover_options(records, tmp_path / "out", parameters=parameters, **others).search
+
+    assert searched(str(tmp_path / "run")) == searched(str(tmp_path / "run"), search=None) == "measured"
+    assert searched("Chen2020") == "all"
+    assert searched(str(tmp_path / "run"), search="capacity") == "capacity"
+
+
 def test_a_contact_resistance_of_the_set_that_the_model_does_not_use_is_taken_out(tmp_path):
     """An effect adds to what the base model has, and begins at the base model."""
     files = [half_discharge(tmp_path / "cell.csv", 0.0)]
