@@ -84,10 +84,13 @@ def hide_command(
     from ..discovery_bench.making import make_cases
     from ..discovery_bench.measured_case import hidden_in
     from ..task_request import Records
+    from ..tasks.parameter_source import names_a_set
 
     asked = Records(data, holdout or (), reading.readings())
     files = (*data, *(holdout or ()))
     records = [read.record(file) for read, file in zip(asked.each_read(), files, strict=True)]
+    if not names_a_set(parameters) and Path(parameters).exists():
+        parameters = str(Path(parameters).absolute())  # the cases are run from anywhere
     base = {"parameters": parameters, "model": model, "search": search}
     make_cases(folder, hidden_in(records[: len(data)], records[len(data) :], base), count, seed, print)
 

@@ -56,7 +56,7 @@ def test_a_measured_cell_as_it_is_may_lack_something_without_a_name(verdict: str
     assert grade_of({"verdict": verdict, "names": ["time-lag"] * (verdict == "effect-found")}, answer) == grade
 
 
-def test_the_command_hides_effects_in_files(tmp_path: Path) -> None:
+def test_the_command_hides_effects_in_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file, other = tmp_path / "cell.csv", tmp_path / "other.csv"
     one = record("cell", 2.0).trajectory
     rows = zip(one.time, -one.current, one.voltage, strict=True)
@@ -67,5 +67,12 @@ def test_the_command_hides_effects_in_files(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     told = json.loads((tmp_path / "blind" / "case_002" / "case.json").read_text())
     assert told["records"] == [{"file": f"record_{n}.csv", "ambient_c": pytest.approx(30.0)} for n in (1, 2)]
+    assert told["parameters"] == "Chen2020"
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "set.json").write_text("{}")
+    done = CliRunner().invoke(discovery_app, ["hide", "other", *asked[2:-1], "set.json", "--count", "1"])
+    assert done.exit_code == 0, done.output
+    told = json.loads((tmp_path / "other" / "case_001" / "case.json").read_text())
+    assert told["parameters"] == str(tmp_path / "set.json")
     missing = CliRunner().invoke(discovery_app, [*asked[:3], str(tmp_path / "none.csv"), *asked[5:]])
     assert isinstance(missing.exception, BsaError)
