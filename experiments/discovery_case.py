@@ -147,8 +147,7 @@ def discover_options(
     content = {"data": fitted, "holdout": files[count:], "out": folder, **others}
     content["parameters"] = _parameters_written(parameters, folder)
     if content.get("search") is None:
-        # A run has fitted what a published set may be wrong by.
-        content["search"] = "measured" if is_run(content["parameters"]) and not records.lives else "all"
+        content["search"] = "all" if records.lives else usual_search(content["parameters"])
     content["notes"] = [
         f"{file['path'].name}: {note}"
         for source, file in zip((*records.sources, *records.held_out), files, strict=True)
@@ -159,6 +158,11 @@ def discover_options(
     if records.initial_soc:
         content["initial_soc"] = records.each_soc(len(fitted))
     return validated(DiscoverOptions, content, "discovery")
+
+
+def usual_search(parameters: str) -> str:
+    """What is uncertain where nobody says it: less of a run, which has fitted what a published set may be wrong by."""
+    return "measured" if is_run(parameters) else "all"
 
 
 def _check_life(records: Records, others: Mapping[str, Any]) -> None:

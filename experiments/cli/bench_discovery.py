@@ -70,11 +70,11 @@ def hide_command(
     reading: shared.Reading,
     model: shared.Model = "DFN",
     search: Annotated[
-        str,
+        str | None,
         shared.model_option(
             metavar="NAME", help="What is uncertain, as in bsa discover.", autocompletion=completion.uncertain_presets
         ),
-    ] = "measured",
+    ] = None,
     count: Annotated[
         int, shared.records_option(min=1, metavar="N", help="How many cases to make, the seed's first.")
     ] = 20,
@@ -83,6 +83,7 @@ def hide_command(
     """Hide effects in measured records: blind cases of a real cell, with their answers sealed."""
     from ..discovery_bench.making import make_cases
     from ..discovery_bench.measured_case import hidden_in
+    from ..discovery_case import usual_search
     from ..task_request import Records
     from ..tasks.parameter_source import names_a_set
 
@@ -91,7 +92,7 @@ def hide_command(
     records = [read.record(file) for read, file in zip(asked.each_read(), files, strict=True)]
     if not names_a_set(parameters) and Path(parameters).exists():
         parameters = str(Path(parameters).absolute())  # the cases are run from anywhere
-    base = {"parameters": parameters, "model": model, "search": search}
+    base = {"parameters": parameters, "model": model, "search": search or usual_search(parameters)}
     make_cases(folder, hidden_in(records[: len(data)], records[len(data) :], base), count, seed, print)
 
 

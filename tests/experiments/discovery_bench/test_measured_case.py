@@ -67,7 +67,7 @@ def test_the_command_hides_effects_in_files(tmp_path: Path, monkeypatch: pytest.
     assert done.exit_code == 0, done.output
     told = json.loads((tmp_path / "blind" / "case_002" / "case.json").read_text())
     assert told["records"] == [{"file": f"record_{n}.csv", "ambient_c": pytest.approx(30.0)} for n in (1, 2)]
-    assert told["parameters"] == "Chen2020"
+    assert (told["parameters"], told["search"]) == ("Chen2020", "all")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "set.json").write_text("{}")
     done = CliRunner().invoke(discovery_app, ["hide", "other", *asked[2:-1], "set.json", "--count", "1"])
