@@ -109,14 +109,23 @@ class Engine:
         """The explanations as the verdict is on them: with the mesh corrected at the best one, and second effects."""
         explanations = self._with_mesh_of_best(explanations)
         unfinished = bool(explanations) and not explanations[0].adequacy.adequate
-        # No second effect over many cycles: a small loss of charge fits what sampling hides of the current.
-        if unfinished and self.settings.max_effects > 1 and self._fitter.as_new is None:
+        if unfinished and self._may_name_two:
             explanations = self._with_mesh_of_best(self.add_second(base, explanations, nominations))
         explanations = self._exact(explanations)
         for explanation in explanations:
             # Some were fitted on after their line was said. The verdict is on the last fits.
             self._fitter.tell(base, explanation, unless_told=True)
         return explanations
+
+    @property
+    def _may_name_two(self) -> bool:
+        """Whether a pair of effects could be named.
+
+        Over many cycles a small loss of charge fits what sampling hides of the current. A pair must leave noise only,
+        and what the base model is known to lack stays.
+        """
+        lacks = self.settings.known_v > self.problem.noise_v
+        return self.settings.max_effects > 1 and self._fitter.as_new is None and not lacks
 
     def _with_better_base(
         self, base: Explanation, explanations: list[Explanation]

@@ -367,6 +367,19 @@ def test_a_pair_is_not_tried_where_none_could_predict_better(monkeypatch):
     assert [e.names for e in engine.add_second(base, [single], [])] == [("sign",)]
 
 
+@pytest.mark.parametrize(("known_v", "tried"), [(0.0, True), (4e-3, False)])
+def test_no_pair_is_tried_where_none_could_leave_noise_only(monkeypatch, known_v, tried):
+    problem, space = toy.problem(np.random.default_rng(0), {"outside": 0.01})
+    engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE, Settings(known_v=known_v))
+    fitter = Fitter(problem, space, Settings(), print)
+    base, single = fitted(fitter, (), 100), fitted(fitter, (toy.HYSTERESIS,), 100)
+    assert not single.adequacy.adequate
+    asked = []
+    monkeypatch.setattr(engine, "add_second", lambda base, singles, nominations: asked.append(1) or list(singles))
+    engine._to_the_end(base, [single], [])
+    assert bool(asked) is tried
+
+
 def test_no_second_effect_is_added_to_one_that_is_no_better_than_the_base_model(monkeypatch):
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01, "quadratic": 0.01})
     engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE)
