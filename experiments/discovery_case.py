@@ -21,7 +21,7 @@ from ..core.files import write_text
 from ..core.record import ReadOptions, Record
 from ..core.run.journal import FILE_NAME, check_run_folder
 from ..core.target import CyclableLithium, Factor, Value, factor_name, target_named
-from ..core.task import CellModel, ParameterSource, Task
+from ..core.task import CellModel, Experiment, ParameterSource, Task
 from ..core.validation import validated
 from ..core.yaml_text import YAML_SUFFIXES, read_yaml
 from .file_reading import FileReading
@@ -85,6 +85,11 @@ class DiscoverOptions(BaseModel, extra="forbid"):
         default=None, ge=1, description="Of a life so many cycles are fitted, the later ones held out."
     )
     holdout: list[RecordFile] = Field(default=[], description="Records that are predicted and never fitted.")
+    reference: list[RecordFile] = Field(
+        default=[],
+        description="Earlier records of the same tests on the same cell, in the order of fitted and held-out records: "
+        "what the base model lacks of them counts as known.",
+    )
     initial_soc: list[float | None] = Field(
         default=[],
         description="State of charge at which each fitted record starts, and its fit; none or null: by its voltage.",
@@ -158,6 +163,18 @@ def discover_options(
     if records.initial_soc:
         content["initial_soc"] = records.each_soc(len(fitted))
     return validated(DiscoverOptions, content, "discovery")
+
+
+def reference_files(paths: Sequence[Path], reads: Sequence[FileReading]) -> list[dict[str, Any]]:
+    """References as options have them, read as all records are. Raises `BsaError` if records are read differently."""
+    if paths and len(reads) > 1:
+        raise BsaError(
+            "records that are read differently were given with --reference.",
+            "write them in one format first: bsa data FILE --export bdf.",
+        )
+    (read,) = reads[:1]
+    how = {"read": read.options, "reader": read.reader, "reader_options": read.reader_options}
+    return [{"path": path, **how} for path in paths]
 
 
 def usual_search(parameters: str) -> str:
@@ -246,6 +263,8 @@ class Case:
     # Where the parameters of the effects that the base model has are searched from, by full name.
     strengths: Mapping[str, float] = field(default_factory=dict)
     known_v: float = 0.0  # What the run that the base model comes from left of its own records, V.
+    # By record, the fitted ones first, an earlier one of the same test; none, or one for each.
+    references: tuple[MeasuredRecord, ...] = ()
 
 
 def read_case(options: DiscoverOptions) -> Case:
@@ -269,12 +288,16 @@ def read_case(options: DiscoverOptions) -> Case:
         search={},  # what is uncertain is the discovery's own
         scale_to_capacity=options.scale,
     )
+    earlier = [named for file in options.reference for named in _parts(options, file)]
+    if earlier and len(earlier) != len(fitted) + len(held):
+        raise BsaError(
+            f"{len(earlier)} references were given for {len(fitted) + len(held)} records.",
+            "give an earlier record of the same test for each of --data and --holdout, in their order.",
+        )
     found = measured_experiments(wanted, [request for _, request in (*fitted, *held)])
-    names = _told_apart([name for name, _ in (*fitted, *held)])
-    measured_records = [
-        MeasuredRecord(name, experiment.target, experiment.temperature_k, experiment.initial_temperature_k)
-        for name, experiment in zip(names, found.experiments, strict=True)
-    ]
+    names = _told_apart([name for name, _ in (*fitted, *held, *earlier)])
+    measured_records = _as_measured(names, found.experiments)
+    references = measured_experiments(wanted, [request for _, request in earlier]).experiments if earlier else ()
     starts = {s.name: e.initial_soc for s, e in zip(measured_records, found.experiments, strict=True)}
     count, base = len(fitted), found.cell.model
     # A calibration task may add options for what it searches; here the base model is what was asked for.
@@ -288,7 +311,15 @@ def read_case(options: DiscoverOptions) -> Case:
         _said_once(options.notes, _of_run_note(run, options.options), found.notes, found.start_notes),
         {} if run is None else run.strengths,
         0.0 if run is None else run.left_v,
+        tuple(_as_measured(names[len(measured_records) :], references)),
     )
+
+
+def _as_measured(names: Sequence[str], experiments: Sequence[Experiment]) -> list[MeasuredRecord]:
+    return [
+        MeasuredRecord(name, experiment.target, experiment.temperature_k, experiment.initial_temperature_k)
+        for name, experiment in zip(names, experiments, strict=False)
+    ]
 
 
 def _without_resistance(cell: CellModel) -> CellModel:

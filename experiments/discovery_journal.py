@@ -93,7 +93,7 @@ def read_options(folder: Path) -> DiscoverOptions:
 def _dumped(options: DiscoverOptions) -> dict[str, Any]:
     """Options as the journal keeps them: paths that mean the same from every folder, and not where results go."""
     content = options.model_dump(mode="json", exclude={"out"})
-    for file in (*content["data"], *content["holdout"]):
+    for file in (*content["data"], *content["holdout"], *content["reference"]):
         file["path"] = str(Path(file["path"]).absolute())
         file["joined"] = [str(Path(path).absolute()) for path in file["joined"]]
     if (parameters := _path_of_parameters(options)) is not None:
@@ -110,7 +110,9 @@ def _path_of_parameters(options: DiscoverOptions) -> Path | None:
 
 def _digests(options: DiscoverOptions) -> dict[str, str]:
     """Digests of all files that are read, by path."""
-    given = [file_and_part(path)[0] for file in (*options.data, *options.holdout) for path in file.files]
+    given = [
+        file_and_part(path)[0] for file in (*options.data, *options.holdout, *options.reference) for path in file.files
+    ]
     if (parameters := _path_of_parameters(options)) is not None and parameters.is_file():
         given.append(parameters)
     found: dict[str, str] = {}

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from ..core.contracts.effect_choice import effects_of
 from ..core.discovery.engine import Engine
 from ..core.discovery.evidence import gather
@@ -15,6 +17,7 @@ from ..core.discovery.findings import Listener, Nomination, Settings
 from ..core.discovery.localisation import in_words, localise
 from ..core.discovery.observations import observe
 from ..core.discovery.problem import Problem
+from ..core.discovery.reference import without_known
 from ..core.discovery.simulator import Simulator
 from ..core.effect import Effect
 from ..core.parameters import ParameterSpace
@@ -84,7 +87,9 @@ class DiscoverySetup:
         preferred: Callable[[Explanation, Sequence[Nomination]], Sequence[str]] | None = None,
     ) -> Engine:
         """The workflow on it; see `Engine`."""
-        cell, settings = self.case.cell, replace(settings, known_v=self.case.known_v)
+        # What it lacks of references is taken off the records.
+        known_v = 0.0 if self.case.references else self.case.known_v
+        cell, settings = self.case.cell, replace(settings, known_v=known_v)
         evidence = gather(cell.model, cell.options, [*self.case.measured_records, *self.case.held])
         return Engine(self.problem, self.space, self.catalogue, evidence, settings, listener, preferred)
 
@@ -142,11 +147,12 @@ def set_up(
     space = _with_strengths(uncertain_parameters(case.measured_records, case.initial_soc, spreads), case)
     simulator = make_simulator(cell, space, mesh)
     floor = 1e-3 * options.floor_mv
-    problem = Problem(
-        simulator,
-        [observe(one, options.points, floor) for one in case.measured_records],
-        [observe(one, options.points, floor) for one in case.held],
-    )
+    seen = [observe(one, options.points, floor) for one in (*case.measured_records, *case.held)]
+    if case.references:
+        earlier = [observe(one, options.points, floor) for one in case.references]
+        seen = without_known(simulator, seen, earlier, space.at(np.zeros(len(space))))
+    count = len(case.measured_records)
+    problem = Problem(simulator, seen[:count], seen[count:])
     capacity = equilibrium_capacity_ah(cell.parameter_set, cell.overrides)
     return DiscoverySetup(case, problem, space, catalogue, simulator, mesh, capacity, tuple(passed_over))
 

@@ -30,6 +30,14 @@ def discover(
         list[Path] | None, shared.records_option("--data", metavar="FILE...", help="Records to explain.")
     ] = None,
     holdout: shared.Holdout = None,
+    reference: Annotated[
+        list[Path] | None,
+        shared.records_option(
+            metavar="FILE...",
+            help="Earlier records of the same tests on the same cell, in the order of --data and --holdout: only what "
+            "has changed since is to be explained.",
+        ),
+    ] = None,
     join: shared.Join = False,
     reading: shared.Reading,
     initial_soc: shared.InitialSocs = None,
@@ -92,7 +100,7 @@ def discover(
     as_json: Annotated[bool, shared.output_option("--json", help="Print discovery.json to standard output.")] = False,
 ) -> None:
     """Find where a model and measured records disagree, name the missing effect, add it, show the gap shrink."""
-    from ..discovery_case import discover_options
+    from ..discovery_case import discover_options, reference_files
     from ..run_settings import key_values
     from ..task_request import Records
 
@@ -125,6 +133,7 @@ def discover(
         effect_options=key_values(effect_option, "--effect-option"),
         backend=backend,
         backend_options=shared.reaching(via, base_url, backend_option),
+        reference=reference_files(reference or (), reading.readings(join)),
         max_effects=max_effects,
         seed=seed,
     )

@@ -10,7 +10,7 @@ from ...core.reading.part_of_file import file_and_part
 from ...core.run.journal import FILE_NAME
 from .usage_errors import usage_refused
 
-RECORD_OPTIONS = ("--data", "--holdout")
+RECORD_OPTIONS = ("--data", "--holdout", "--reference")
 _TASK_FILES = (".yaml", ".yml", ".json")
 
 
