@@ -15,7 +15,7 @@ from ..errors import BsaError
 from ..trajectory import FloatArray, StepKind
 from .observations import Observations
 from .problem import Problem
-from .simulator import MeasuredRecord, Simulator
+from .simulator import Simulator
 
 _UNSURE = 0.25
 """Share of what the model lacks of the earlier record that is uncertain of the later one: as much as of a mesh
@@ -24,8 +24,8 @@ correction, which is measured at one candidate too."""
 _NEAR = 5
 """Averages in a row over which the largest of it counts: a step ends earlier or later in another record."""
 
-_ON_TIME = (StepKind.REST, StepKind.CV_HOLD, StepKind.DRIVE)
-"""Steps whose moments correspond by their time; those of others by the share of their charge."""
+_RESTS = 0.01
+"""Share of the largest current below which a cell rests: an offset of the current is no charge."""
 
 
 def without_known(
@@ -39,8 +39,6 @@ def without_known(
     ``candidate`` are the values of the base model that both are compared at; of each reference the initial state of
     charge is fitted. Raises `BsaError` if a reference is of another test, or cannot be simulated.
     """
-    for observed, reference in zip(observations, references, strict=True):
-        check_same_test(observed.measured_record, reference.measured_record)
     found = Problem(simulator, observations, references).held_out((), candidate)
     if found is None:
         raise BsaError(
@@ -51,34 +49,44 @@ def without_known(
     return [_less(*one) for one in zip(observations, references, errors, strict=True)]
 
 
-def check_same_test(later: MeasuredRecord, earlier: MeasuredRecord) -> None:
-    """Refuse an earlier record that has other steps."""
-    counts = [len(one.record.steps) for one in (later, earlier)]
-    if counts[0] != counts[1]:
-        raise BsaError(
-            f"{later.name} has {counts[0]} steps, and its reference {earlier.name} {counts[1]}.",
-            "give a record of the same test for each record, in their order; bsa data shows the steps.",
-        )
-
-
 def _less(observed: Observations, reference: Observations, error: FloatArray) -> Observations:
     """One record's averages less what the model lacks of its reference, V."""
+    phases, earlier = _phases(observed), _phases(reference)
+    if phases[-1] != earlier[-1]:
+        raise BsaError(
+            f"{observed.name} has {phases[-1] + 1} charges, discharges and rests, and its reference {reference.name} "
+            f"{earlier[-1] + 1}.",
+            "give an earlier record of the same test for each record, in their order; bsa data shows the steps.",
+        )
     known = np.zeros(len(observed))
-    for number in np.unique(observed.step):
-        here, there = observed.step == number, reference.step == number
-        if not np.any(there):
-            continue
-        kind = observed.measured_record.record.steps[number].kind
-        places = [_place(one, inside, kind) for one, inside in ((observed, here), (reference, there))]
+    for number in range(phases[-1] + 1):
+        here, there = phases == number, earlier == number
+        places = [_place(observed, here), _place(reference, there)]
         order = np.argsort(places[1], kind="stable")
         known[here] = np.interp(places[0], places[1][order], error[there][order])
     unsure = _UNSURE * maximum_filter1d(np.abs(known), _NEAR)
     return replace(observed, voltage=observed.voltage - known, sigma=np.hypot(observed.sigma, unsure))
 
 
-def _place(observed: Observations, inside: NDArray[np.bool_], kind: StepKind) -> FloatArray:
-    """Where the averages of a step lie in it: seconds since its beginning, or the share of its charge."""
-    charge = np.abs(observed.charge[inside] - observed.charge[inside][0])
-    if kind in _ON_TIME or charge[-1] == 0.0:
-        return np.asarray(observed.since[inside])
-    return np.asarray(charge / charge[-1])
+def _phases(observed: Observations) -> NDArray[np.intp]:
+    """Number of the charge, discharge, rest or drive in which each average lies, from 0.
+
+    Steps of one direction are one: where a hold begins depends on the voltage, which may have changed.
+    """
+    steps = observed.measured_record.record.steps
+    driven = np.array([step.kind is StepKind.DRIVE for step in steps])[observed.step]
+    flows = np.abs(observed.current) > _RESTS * np.max(np.abs(observed.current), initial=0.0)
+    way = np.where(driven, 2.0, np.sign(observed.current) * flows)
+    return np.cumsum(np.diff(way, prepend=way[:1]) != 0.0)
+
+
+def _place(observed: Observations, inside: NDArray[np.bool_]) -> FloatArray:
+    """Where the averages of a phase lie in it: the share of its charge, or the seconds since it began.
+
+    The end of a discharge corresponds to the end of another one, whatever the cell has lost.
+    """
+    charge, time = observed.charge[inside], observed.time[inside]
+    passed = np.abs(charge - charge[0])
+    flows = np.abs(observed.current[inside]) > _RESTS * np.max(np.abs(observed.current), initial=0.0)
+    one_way = np.all(flows) and np.all(np.diff(passed) >= 0.0) and passed[-1] > 0.0
+    return np.asarray(passed / passed[-1] if one_way else time - time[0])
