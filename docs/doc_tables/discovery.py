@@ -11,6 +11,9 @@ from .results import Results
 BLIND = "discovery_blind"
 """File of the cases that are drawn from the seed."""
 
+MEASURED = "discovery_hidden"
+"""File of the cases that are hidden in measured records."""
+
 EARLIER = "discovery_cases discovery_earlier"
 """Files of the earlier set: cases run last, and those whose rows are an earlier version's."""
 
@@ -23,6 +26,27 @@ def blind_cases(results: Results) -> str:
 def each_blind_case(results: Results) -> str:
     """One line a case."""
     return case_table(graded(results, BLIND)).rstrip()
+
+
+def hidden_in_measured(results: Results) -> str:
+    """Effects that were hidden in measured records: grades, and one line a case."""
+    rows = list(results.rows(MEASURED))
+    cases = [{**row, **vars(graded_of({k: v for k, v in row.items() if k != "cell"}))} for row in rows]
+    columns: dict[str, Entry] = {
+        "cell": "{cell}",
+        "case": "{task}",
+        "hidden": lambda row: " + ".join(row["hidden"]) or "nothing",
+        "strength": "{strength}",
+        "base model leaves / mV": "{left_mv:.1f}",
+        "of it known / mV": "{known_mv:.1f}",
+        "verdict": "{verdict}",
+        "named": lambda row: " + ".join(row["named"]),
+        "grade": "{grade}",
+        "error of the strength": lambda row: "" if row["parameter_error"] is None else f"{row['parameter_error']:.0%}",
+        "processor s": "{cpu_s:.0f}",
+    }
+    graded_cases = as_markdown([graded_of({k: v for k, v in row.items() if k != "cell"}) for row in rows])
+    return results.framed(MEASURED, f"{graded_cases.rstrip()}\n\n{table_of(cases, columns, 4)}")
 
 
 def earlier_cases(results: Results) -> str:

@@ -40,10 +40,11 @@ PRESETS: dict[str, dict[str, tuple[float, float, float]]] = {
     "capacity": {name: _SPREADS[name] for name in _CAPACITY},
     "particles": {name: spread for name, spread in _SPREADS.items() if not name.startswith(_ELECTROLYTE)},
     "measured": {name: (0.5 * spread, lower, upper) for name, (spread, lower, upper) in _SPREADS.items()},
+    "unchanged": {name: (0.1 * spread, lower, upper) for name, (spread, lower, upper) in _SPREADS.items()},
 }
 """What may be uncertain, by name: everything; the electrodes' capacities alone, where transport and kinetics were
 measured on the cell; everything but the electrolyte; everything, but half as much, where the set was measured on cells
-of this very type."""
+of this very type, and a tenth, where an earlier record of the cell is the reference."""
 
 
 def default_spread(name: str) -> tuple[float, float, float]:
