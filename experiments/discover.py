@@ -150,7 +150,7 @@ def discover_on(
     left = problem.errors(predictions)
     considered = {effect.name for effect in (*(n.effect for n in findings.nominations), *effects_in(case.cell))}
     remarks += discovery_notes(problem.observations, left, considered)
-    if findings.verdict == "unexplained" and not case.known_v:
+    if findings.verdict == "unexplained" and not (case.known_v or case.references):
         remarks.append(potentials_note(options.parameters))
     say_notes(remarks, listener)
     discovery = RecordDiscovery(

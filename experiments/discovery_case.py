@@ -152,7 +152,7 @@ def discover_options(
     content = {"data": fitted, "holdout": files[count:], "out": folder, **others}
     content["parameters"] = _parameters_written(parameters, folder)
     if content.get("search") is None:
-        content["search"] = "all" if records.lives else usual_search(content["parameters"])
+        content["search"] = "all" if records.lives else usual_search(content["parameters"], content.get("reference"))
     content["notes"] = [
         f"{file['path'].name}: {note}"
         for source, file in zip((*records.sources, *records.held_out), files, strict=True)
@@ -177,8 +177,13 @@ def reference_files(paths: Sequence[Path], reads: Sequence[FileReading]) -> list
     return [{"path": path, **how} for path in paths]
 
 
-def usual_search(parameters: str) -> str:
-    """What is uncertain where nobody says it: less of a run, which has fitted what a published set may be wrong by."""
+def usual_search(parameters: str, reference: Sequence[Any] | None = ()) -> str:
+    """What is uncertain where nobody says it: less of a run, which has fitted what a published set may be wrong by.
+
+    With references only what the cell may have become since.
+    """
+    if reference:
+        return "unchanged"
     return "measured" if is_run(parameters) else "all"
 
 
@@ -188,6 +193,7 @@ def _check_life(records: Records, others: Mapping[str, Any]) -> None:
     if count > 1 and not records.joined:
         raise BsaError(f"{count} lives were given.", "give one, or --join the files of one cell; each is its own.")
     for name, given, instead in (
+        ("reference", bool(others.get("reference")), "its first cycle is the reference of the others."),
         ("holdout", bool(records.held_out), "later cycles than --fit-cycles are held out."),
         (
             "search",

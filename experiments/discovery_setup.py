@@ -15,7 +15,7 @@ from ..core.discovery.evidence import gather
 from ..core.discovery.explanation import Explanation
 from ..core.discovery.findings import Listener, Nomination, Settings
 from ..core.discovery.localisation import in_words, localise
-from ..core.discovery.observations import observe
+from ..core.discovery.observations import Observations, observe
 from ..core.discovery.problem import Problem
 from ..core.discovery.reference import without_known
 from ..core.discovery.simulator import Simulator
@@ -150,11 +150,23 @@ def set_up(
     seen = [observe(one, options.points, floor) for one in (*case.measured_records, *case.held)]
     if case.references:
         earlier = [observe(one, options.points, floor) for one in case.references]
-        seen = without_known(simulator, seen, earlier, space.at(np.zeros(len(space))))
+        as_measured, seen = seen, without_known(simulator, seen, earlier, space.at(np.zeros(len(space))))
+        said = [_taken_off(*one) for one in zip(as_measured, seen, earlier, strict=True)]
+        say_notes(said, listener)
+        passed_over += said
     count = len(case.measured_records)
     problem = Problem(simulator, seen[:count], seen[count:])
     capacity = equilibrium_capacity_ah(cell.parameter_set, cell.overrides)
     return DiscoverySetup(case, problem, space, catalogue, simulator, mesh, capacity, tuple(passed_over))
+
+
+def _taken_off(measured: Observations, left: Observations, reference: Observations) -> str:
+    """What is said of a record of which the reference has taken something off."""
+    known_v = float(np.sqrt(np.mean((measured.voltage - left.voltage) ** 2)))
+    return (
+        f"{measured.name}: what the base model lacks of {reference.name}, {1e3 * known_v:.2g} mV (rms of averages), is "
+        "taken off the voltage: what has changed since is to be explained."
+    )
 
 
 def _with_strengths(space: ParameterSpace, case: Case) -> ParameterSpace:

@@ -24,6 +24,7 @@ def discover(
     data: Data | Sequence[Data] | None = None,
     *,
     holdout: Data | Sequence[Data] | None = None,
+    reference: str | Path | Sequence[str | Path] | None = None,
     column: Mapping[str, str | int] | None = None,
     unit: Mapping[str, str] | None = None,
     where: Mapping[str, Any] | None = None,
@@ -65,6 +66,9 @@ def discover(
     data, holdout : path, pandas.DataFrame or Record, or a sequence of them
         Records to explain, and records that are predicted and never fitted. DataFrames and records are written into
         the folder ``OUT-records`` beside the discovery's, so that it can be resumed.
+    reference : path, or a sequence of them, optional
+        Earlier records of the same tests on the same cell, in the order of ``data`` and ``holdout``: only what has
+        changed since is to be explained.
     reader, reader_option, column, unit, current_sign, where, cycles, sheet
         How files and DataFrames are read; see `read_record`.
     constant_current, current_offset, voltage_lag, temperature : float or sequence of float, optional
@@ -127,7 +131,7 @@ def discover(
     if data is None or parameters is None:
         missing = "data" if data is None else "parameters"
         raise BsaError(f"{missing} is missing.", 'discover("RECORD.csv", parameters="Chen2020"), for example.')
-    from ..discovery_case import discover_options
+    from ..discovery_case import discover_options, reference_files
 
     reads = readings(
         column,
@@ -153,6 +157,7 @@ def discover(
         overrides=dict(as_mapping(override, "--override")),
         scale=scale,
         search=search,
+        reference=reference_files(_paths(reference), reads),
         effects=None if effect is None else as_names(effect, "--effect"),
         effect_options=dict(as_mapping(effect_option, "--effect-option")),
         backend=backend,
@@ -178,3 +183,9 @@ def _carried_out(asked: DiscoverOptions, workers: int, progress: bool) -> Discov
     except Outage as outage:
         raise BsaError(f"stopped: {shown(outage, 400)}.", f"go on with {go_on}.") from None
     return DiscoveryResult(asked.out, found)
+
+
+def _paths(files: str | Path | Sequence[str | Path] | None) -> list[Path]:
+    if files is None:
+        return []
+    return [Path(files)] if isinstance(files, str | Path) else [Path(file) for file in files]

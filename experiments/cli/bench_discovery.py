@@ -66,6 +66,7 @@ def hide_command(
         ),
     ],
     holdout: shared.Holdout = None,
+    reference: shared.Reference = None,
     *,
     reading: shared.Reading,
     model: shared.Model = "DFN",
@@ -83,7 +84,7 @@ def hide_command(
     """Hide effects in measured records: blind cases of a real cell, with their answers sealed."""
     from ..discovery_bench.making import make_cases
     from ..discovery_bench.measured_case import hidden_in
-    from ..discovery_case import usual_search
+    from ..discovery_case import RecordFile, reference_files, usual_search
     from ..task_request import Records
     from ..tasks.parameter_source import names_a_set
 
@@ -92,7 +93,14 @@ def hide_command(
     records = [read.record(file) for read, file in zip(asked.each_read(), files, strict=True)]
     if not names_a_set(parameters) and Path(parameters).exists():
         parameters = str(Path(parameters).absolute())  # the cases are run from anywhere
-    base = {"parameters": parameters, "model": model, "search": search or usual_search(parameters)}
+    earlier = reference_files([path.absolute() for path in reference or ()], reading.readings())
+    base: dict[str, Any] = {
+        "parameters": parameters,
+        "model": model,
+        "search": search or usual_search(parameters, earlier),
+    }
+    if earlier:
+        base["reference"] = [RecordFile.model_validate(file).model_dump(mode="json") for file in earlier]
     make_cases(folder, hidden_in(records[: len(data)], records[len(data) :], base), count, seed, print)
 
 

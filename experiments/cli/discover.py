@@ -30,14 +30,7 @@ def discover(
         list[Path] | None, shared.records_option("--data", metavar="FILE...", help="Records to explain.")
     ] = None,
     holdout: shared.Holdout = None,
-    reference: Annotated[
-        list[Path] | None,
-        shared.records_option(
-            metavar="FILE...",
-            help="Earlier records of the same tests on the same cell, in the order of --data and --holdout: only what "
-            "has changed since is to be explained.",
-        ),
-    ] = None,
+    reference: shared.Reference = None,
     join: shared.Join = False,
     reading: shared.Reading,
     initial_soc: shared.InitialSocs = None,

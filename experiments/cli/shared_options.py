@@ -35,6 +35,15 @@ RecordsFolder = Annotated[
 Holdout = Annotated[
     list[Path] | None, records_option("--holdout", metavar="FILE...", help="Records that are predicted, never fitted.")
 ]
+Reference = Annotated[
+    list[Path] | None,
+    records_option(
+        "--reference",
+        metavar="FILE...",
+        help="Earlier records of the same tests on the same cell, in the order of --data and --holdout: only what has "
+        "changed since is to be explained.",
+    ),
+]
 InitialSocs = Annotated[
     list[float] | None,
     records_option(
