@@ -94,11 +94,8 @@ def hide_command(
     if not names_a_set(parameters) and Path(parameters).exists():
         parameters = str(Path(parameters).absolute())  # the cases are run from anywhere
     earlier = reference_files([path.absolute() for path in reference or ()], reading.readings())
-    base: dict[str, Any] = {
-        "parameters": parameters,
-        "model": model,
-        "search": search or usual_search(parameters, earlier),
-    }
+    search = search or usual_search(parameters, earlier)
+    base: dict[str, Any] = {"parameters": parameters, "model": model, "search": search}
     if earlier:
         base["reference"] = [RecordFile.model_validate(file).model_dump(mode="json") for file in earlier]
     make_cases(folder, hidden_in(records[: len(data)], records[len(data) :], base), count, seed, print)

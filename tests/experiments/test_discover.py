@@ -18,9 +18,16 @@ from bsa.experiments.discovery_bench.hidden_cell import Hidden, measure
 from bsa.experiments.discovery_bench.hidden_physics import EFFECTS
 from bsa.experiments.discovery_bench.protocols import Step
 from bsa.experiments.discovery_bench.simulated_case import _write
-from bsa.experiments.discovery_case import DiscoverOptions, discover_options, read_case, spreads_of
+from bsa.experiments.discovery_case import (
+    DiscoverOptions,
+    discover_options,
+    read_case,
+    reference_files,
+    spreads_of,
+)
 from bsa.experiments.discovery_journal import opened, read_options
 from bsa.experiments.discovery_setup import set_up
+from bsa.experiments.file_reading import FileReading
 from bsa.experiments.run import read_request
 from bsa.experiments.run_record import read_run
 from bsa.experiments.task_request import Records
@@ -125,6 +132,23 @@ def test_what_a_run_has_fitted_is_half_as_uncertain(tmp_path, run_toy):
     assert searched(str(tmp_path / "run")) == searched(str(tmp_path / "run"), search=None) == "measured"
     assert searched("Chen2020") == "all"
     assert searched(str(tmp_path / "run"), search="capacity") == "capacity"
+
+
+def test_each_record_has_its_reference_or_none_has(tmp_path):
+    files = [half_discharge(tmp_path / f"{name}.csv", 0.0) for name in ("a", "held", "a_before", "held_before")]
+    asked = {"data": files[:1], "holdout": files[1:2], "parameters": "Chen2020", "model": "SPM", "scale": False}
+    case = read_case(DiscoverOptions(**asked, reference=files[2:], out=tmp_path / "out"))
+    assert [one.name for one in case.references] == ["a_before", "held_before"]
+    with pytest.raises(BsaError, match="1 references were given for 2 records"):
+        read_case(DiscoverOptions(**asked, reference=files[2:3], out=tmp_path / "out"))
+    records = Records(files[:1], files[1:2])
+    told = discover_options(
+        records, tmp_path / "out", parameters="Chen2020", reference=reference_files(files[2:], records.reads)
+    )
+    assert told.search == "unchanged"
+    assert [file.path for file in told.reference] == files[2:]
+    with pytest.raises(BsaError, match="read differently"):
+        reference_files(files[2:], [FileReading(), FileReading()])
 
 
 def test_a_contact_resistance_of_the_set_that_the_model_does_not_use_is_taken_out(tmp_path):

@@ -5,6 +5,8 @@ from contextlib import closing
 
 import numpy as np
 import pytest
+from bsa.core.discovery.findings import Settings
+from bsa.core.discovery.problem import Problem
 from bsa.core.discovery.simulator import MeasuredRecord
 from bsa.core.run.journal import Journal, OpenJournal, read_events
 from bsa.core.task import CellModel
@@ -56,3 +58,23 @@ def test_an_effect_of_the_run_is_in_the_base_model_and_no_candidate_any_more(tmp
     # A fifteenth of the capacity has passed, of which a twentieth brings the hysteresis to 1/e of its end.
     grown = 1.0 - math.exp(-20.0 / 15.0)
     assert without[0].voltage[-1] - base[0].voltage[-1] == pytest.approx(0.02 * grown, rel=0.02)
+
+
+def test_what_the_model_lacks_of_a_reference_is_taken_off_and_said(tmp_path, monkeypatch):
+    time = np.arange(0.0, 1201.0, 30.0)
+    steps = (Step(StepKind.CC_DISCHARGE, 0, len(time), 1),)
+    record = Trajectory(time, np.full(len(time), 1.0), 4.0 - 1e-4 * time, None, steps)
+    later, earlier = (MeasuredRecord(name, record, 298.15) for name in ("later", "earlier"))
+    case = Case(CellModel("Chen2020", "SPM"), (later,), references=(earlier,), known_v=5e-3)
+    options = DiscoverOptions(data=["a.csv"], parameters="Chen2020", model="SPM", out=tmp_path / "out")
+    monkeypatch.setattr(discovery_setup, "radial_mesh", lambda *_: MESH)
+    said = []
+    found = set_up(case, options, said.append)
+    (note,) = (text for text in found.notes if "taken off" in text)
+    assert "later: what the base model lacks of earlier" in note
+    assert f"note: {note}" in said
+    assert found.engine(Settings()).settings.known_v == 0.0
+    seen = found.problem.observations
+    start = found.space.at(np.zeros(len(found.space)))
+    (*_, (_, error)) = Problem(found.simulator, seen, seen).held_out((), start)
+    assert np.max(np.abs(error)) < 1e-3

@@ -17,6 +17,7 @@ from typer.testing import CliRunner
         ("--data=a.csv b.csv", "--data=a.csv --data b.csv"),
         ("--data r.mat#T25/1C r.mat#T25/2C", "--data r.mat#T25/1C --data r.mat#T25/2C"),
         ("--data a.csv b.csv --holdout c.csv d.csv", "--data a.csv --data b.csv --holdout c.csv --holdout d.csv"),
+        ("--data a.csv --reference b.csv c.csv", "--data a.csv --reference b.csv --reference c.csv"),
         ("--data a.csv regular-134", "--data a.csv regular-134"),
         ("--data a.csv task.yaml", "--data a.csv task.yaml"),
         ("--data record", "--data record"),

@@ -1,0 +1,49 @@
+"""What a base model lacks of an earlier record is taken off a later one of the same test."""
+
+import discovery_toy as toy
+import numpy as np
+import pytest
+from bsa.core.discovery.observations import observe
+from bsa.core.discovery.reference import without_known
+from bsa.core.discovery.simulator import Request
+from bsa.core.errors import BsaError
+
+CYCLE = ((0, 60), (1, 900), (0, 400), (-1, 900), (0, 300))
+
+
+def seen(name, truth, seed, program=CYCLE):
+    return observe(toy.measured_record(name, np.random.default_rng(seed), truth, program=program), points=150)
+
+
+def less(observed, reference):
+    candidate = {"resistance factor": 1.2, observed.measured_record.soc_name: 0.9}
+    (found,) = without_known(toy.ToySimulator(), [observed], [reference], candidate)
+    return found
+
+
+def left(observed):
+    """What the toy lacks of a record, V."""
+    asked = Request((), {"resistance factor": 1.2}, observed.measured_record, observed.moments, soc=0.9)
+    return observed.voltage - toy.ToySimulator().one(asked).voltage
+
+
+def test_only_what_has_changed_is_left():
+    later = seen("later", {"slow": 0.03, "sign": 0.01}, 1)
+    found = less(later, seen("earlier", {"slow": 0.03}, 2))
+    assert np.sqrt(np.mean(left(later) ** 2)) > 0.015
+    sign = -0.01 * np.sign(later.current)
+    assert np.sqrt(np.mean((left(found) - sign) ** 2)) < 1.5e-3
+    assert np.all(found.sigma >= later.sigma)
+    assert np.max(found.sigma) > 5e-3
+
+
+def test_the_end_of_a_discharge_corresponds_to_that_of_a_longer_one():
+    shorter = ((0, 60), (1, 800), (0, 400), (-1, 800), (0, 300))
+    found = less(seen("later", {"slow": 0.03}, 1, shorter), seen("earlier", {"slow": 0.03}, 2))
+    assert np.sqrt(np.mean(left(found) ** 2)) < 2.5e-3
+
+
+def test_a_reference_of_another_test_is_refused():
+    other = ((0, 60), (1, 900), (0, 300))
+    with pytest.raises(BsaError, match="later has 5 charges, discharges and rests, and its reference earlier 3"):
+        less(seen("later", {}, 1), seen("earlier", {}, 2, other))
