@@ -24,8 +24,9 @@ correction, which is measured at one candidate too."""
 _NEAR = 5
 """Averages in a row over which the largest of it counts: a step ends earlier or later in another record."""
 
-_RESTS = 0.01
-"""Share of the largest current below which a cell rests: an offset of the current is no charge."""
+_JUMP = 0.05
+"""Share of the largest current by which the current changes where a charge, a discharge or a rest begins: more than an
+offset of an instrument, less than the end of a hold."""
 
 
 def without_known(
@@ -71,13 +72,14 @@ def _less(observed: Observations, reference: Observations, error: FloatArray) ->
 def _phases(observed: Observations) -> NDArray[np.intp]:
     """Number of the charge, discharge, rest or drive in which each average lies, from 0.
 
-    Steps of one direction are one: where a hold begins depends on the voltage, which may have changed.
+    A charge and the hold behind it are one: where the hold begins depends on the voltage, which may have changed.
     """
     steps = observed.measured_record.record.steps
     driven = np.array([step.kind is StepKind.DRIVE for step in steps])[observed.step]
-    flows = np.abs(observed.current) > _RESTS * np.max(np.abs(observed.current), initial=0.0)
-    way = np.where(driven, 2.0, np.sign(observed.current) * flows)
-    return np.cumsum(np.diff(way, prepend=way[:1]) != 0.0)
+    begins = np.diff(observed.step, prepend=observed.step[:1]) != 0
+    jumps = np.abs(np.diff(observed.current, prepend=observed.current[:1]))
+    large = jumps > _JUMP * np.max(np.abs(observed.current), initial=0.0)
+    return np.cumsum(begins & (large | driven | np.roll(driven, 1)))
 
 
 def _place(observed: Observations, inside: NDArray[np.bool_]) -> FloatArray:
@@ -87,6 +89,5 @@ def _place(observed: Observations, inside: NDArray[np.bool_]) -> FloatArray:
     """
     charge, time = observed.charge[inside], observed.time[inside]
     passed = np.abs(charge - charge[0])
-    flows = np.abs(observed.current[inside]) > _RESTS * np.max(np.abs(observed.current), initial=0.0)
-    one_way = np.all(flows) and np.all(np.diff(passed) >= 0.0) and passed[-1] > 0.0
+    one_way = passed[-1] > 0.0 and np.all(np.diff(passed) >= 0.0)
     return np.asarray(passed / passed[-1] if one_way else time - time[0])

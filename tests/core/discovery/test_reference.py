@@ -1,5 +1,7 @@
 """What a base model lacks of an earlier record is taken off a later one of the same test."""
 
+from dataclasses import replace
+
 import discovery_toy as toy
 import numpy as np
 import pytest
@@ -41,6 +43,13 @@ def test_the_end_of_a_discharge_corresponds_to_that_of_a_longer_one():
     shorter = ((0, 60), (1, 800), (0, 400), (-1, 800), (0, 300))
     found = less(seen("later", {"slow": 0.03}, 1, shorter), seen("earlier", {"slow": 0.03}, 2))
     assert np.sqrt(np.mean(left(found) ** 2)) < 2.5e-3
+
+
+def test_a_rest_with_an_offset_of_the_current_is_a_rest():
+    """A rest with 3 % of the current was a charge, and the record had another number of them than its reference."""
+    later, earlier = seen("later", {"slow": 0.03}, 1), seen("earlier", {"slow": 0.03}, 2)
+    found = less(replace(later, current=later.current - 0.03), earlier)
+    np.testing.assert_array_equal(found.voltage, less(later, earlier).voltage)
 
 
 def test_a_reference_of_another_test_is_refused():
