@@ -28,25 +28,37 @@ def each_blind_case(results: Results) -> str:
     return case_table(graded(results, BLIND)).rstrip()
 
 
+def in_measured(results: Results) -> list[tuple[str, str, Graded]]:
+    """Cell, reference (empty without one) and grade of each case that is hidden in measured records."""
+    rows = [(row.pop("cell"), row.pop("beside"), graded_of(row)) for row in results.rows(MEASURED)]
+    return [(cell, beside if isinstance(beside, str) else "", case) for cell, beside, case in rows]
+
+
+_WAYS = (("Beside a reference", True), ("Without one", False))
+"""In words, whether a case has a reference."""
+
+
 def hidden_in_measured(results: Results) -> str:
     """Effects that were hidden in measured records: grades, and one line a case."""
-    rows = list(results.rows(MEASURED))
-    cases = [{**row, **vars(graded_of({k: v for k, v in row.items() if k != "cell"}))} for row in rows]
+    told = in_measured(results)
+    cases = [{"cell": cell, "beside": beside, **vars(case)} for cell, beside, case in told]
     columns: dict[str, Entry] = {
         "cell": "{cell}",
+        "reference": lambda row: row["beside"] or "–",
         "case": "{task}",
         "hidden": lambda row: " + ".join(row["hidden"]) or "nothing",
         "strength": "{strength}",
-        "base model leaves / mV": "{left_mv:.1f}",
-        "of it known / mV": "{known_mv:.1f}",
         "verdict": "{verdict}",
         "named": lambda row: " + ".join(row["named"]),
         "grade": "{grade}",
+        "base model leaves / mV": "{left_mv:.1f}",
+        "the run had left / mV": lambda row: f"{row['known_mv']:.1f}" if row["known_mv"] else "",
         "error of the strength": lambda row: "" if row["parameter_error"] is None else f"{row['parameter_error']:.0%}",
         "processor s": "{cpu_s:.0f}",
     }
-    graded_cases = as_markdown([graded_of({k: v for k, v in row.items() if k != "cell"}) for row in rows])
-    return results.framed(MEASURED, f"{graded_cases.rstrip()}\n\n{table_of(cases, columns, 4)}")
+    parts = [(words, [case for _, beside, case in told if bool(beside) is there]) for words, there in _WAYS]
+    summary = "\n".join(f"{words}:\n\n{as_markdown(some)}" for words, some in parts)
+    return results.framed(MEASURED, f"{summary}\n{table_of(cases, columns, 8)}")
 
 
 def earlier_cases(results: Results) -> str:

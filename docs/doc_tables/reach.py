@@ -7,14 +7,14 @@ from bsa.experiments.campaign.columns import EARLY
 from bsa.experiments.campaign.summary import exact_interval, statistic
 from bsa.experiments.campaign.text_tables import brief
 
-from .discovery import BLIND, graded
+from .discovery import BLIND, graded, in_measured
 from .published import SLOW, below_the_paper, longer_tasks
 from .results import Results
 
 
 def reach(results: Results) -> str:
     """Measured cells, published tasks and blind records, each in a sentence or two."""
-    return f"{_measured(results)}\n{_published(results)}\n{_blind(results)}\n{_discovery(results)}"
+    return "\n".join(part(results) for part in (_measured, _published, _blind, _hidden, _discovery))
 
 
 def _measured(results: Results) -> str:
@@ -69,6 +69,20 @@ def _blind(results: Results) -> str:
         f"{grades['declined']}, and a **wrong one in {grades['wrong']}** "
         f"({exact_interval(grades['wrong'], len(cases))}): a name is a lead to be tested. Case by case: "
         "[docs/discovery-results.md](docs/discovery-results.md)."
+    )
+
+
+def _hidden(results: Results) -> str:
+    cases = [case for _, beside, case in in_measured(results) if beside]
+    hiding = [case for case in cases if case.setting != "none"]
+    grades = Counter(case.grade for case in hiding)
+    return (
+        f"* In {len(hiding)} measured records a seed hid an effect of a strength that it drew. Beside an earlier "
+        f"record of the same test, the right name is given in {grades['right']}, several names in "
+        f"{grades['ambiguous']}, one of two effects in {grades['partial']}, none in {grades['declined']} (mostly weak "
+        "ones, and gains of the current, which act like a cell of another size), a wrong one in "
+        f"{grades['wrong']} ({exact_interval(grades['wrong'], len(hiding))}). Case by case: "
+        "[docs/discovery-results.md](docs/discovery-results.md#effects-hidden-in-measured-records)."
     )
 
 

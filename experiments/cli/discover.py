@@ -53,8 +53,8 @@ def discover(
         str | None,
         shared.model_option(
             metavar="NAME|FILE",
-            help="What is uncertain about the base model: all, capacity, particles, measured, or a YAML file; left "
-            "out, measured where the parameters are those of a run, else all.",
+            help="What is uncertain about the base model: all, capacity, particles, measured, unchanged, or a YAML "
+            "file; left out, unchanged with --reference, measured from a run, else all.",
             autocompletion=completion.uncertain_presets,
         ),
     ] = None,

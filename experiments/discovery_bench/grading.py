@@ -173,5 +173,6 @@ def graded_of(row: Mapping[str, Any]) -> Graded:
     texts = {name: tuple(row[name].split(" + ")) if isinstance(row[name], str) else () for name in ("hidden", "named")}
     known = {name: row.get(name, math.nan) for name in _MAYBE}
     numbers = {name: None if value is None or math.isnan(value) else float(value) for name, value in known.items()}
-    words = {name: row[name] if isinstance(row.get(name), str) else "" for name in ("model", "strength")}
+    # A gain has no unit, and is read as a number.
+    words = {name: "" if (word := str(row.get(name, ""))) == "nan" else word for name in ("model", "strength")}
     return Graded(**{**row, **texts, **numbers, **words})

@@ -166,8 +166,10 @@ def test_where_there_was_no_gap_there_is_no_share_of_it(tmp_path):
 
 
 def test_graded_cases_survive_a_file(tmp_path):
-    answers = {"case_01": answer([R, H], setting="pair"), "case_02": answer(setting="none")}
-    write(tmp_path, answers, [row("case_01", "effect-found", [R, H]), row("case_02", "no-missing-effect")])
+    gain = {**answer(["current-gain"]), "strengths": {"current-gain": ["current-gain: gain", 0.97]}}
+    answers = {"case_01": answer([R, H], setting="pair"), "case_02": answer(setting="none"), "case_03": gain}
+    found = [row("case_01", "effect-found", [R, H]), row("case_02", "no-missing-effect"), row("case_03", "unexplained")]
+    write(tmp_path, answers, found)
     graded = grade_cases(tmp_path, "discovery")
     write_csv(tmp_path / "cases.csv", [graded_row(case) for case in graded])
     assert [graded_of(found) for found in read_table(tmp_path / "cases.csv")] == graded
