@@ -314,7 +314,7 @@ def read_case(options: DiscoverOptions) -> Case:
         tuple(measured_records[:count]),
         tuple(measured_records[count:]),
         {name: soc for name, soc in starts.items() if soc is not None},
-        _said_once(options.notes, _of_run_note(run, options.options), found.notes, found.start_notes),
+        _said_once(options.notes, _of_run_notes(run, options.options, bool(earlier)), found.notes, found.start_notes),
         {} if run is None else run.strengths,
         0.0 if run is None else run.left_v,
         tuple(_as_measured(names[len(measured_records) :], references)),
@@ -338,16 +338,15 @@ def _without_resistance(cell: CellModel) -> CellModel:
     return replace(cell, overrides={**cell.overrides, RESISTANCE: 0.0})
 
 
-def _of_run_note(run: FoundCell | None, asked: Mapping[str, Any]) -> list[str]:
-    """What is to be said of the model options and effects that a base model has from the run that it starts from."""
+def _of_run_notes(run: FoundCell | None, asked: Mapping[str, Any], has_references: bool) -> list[str]:
+    """What is to be said of what a base model has from the run that it starts from."""
     if run is None:
         return []
     options = [f"{name}={value}" for name, value in run.options.items() if name not in asked]
     effects = [f"the effect {name}" for name in run.effects]
-    notes = [f"The run left {1e3 * run.left_v:.2g} mV of its own records: effects are asked to explain what is more."]
-    if options or effects:
-        notes.insert(0, f"The base model has what the model of the run has: {', '.join((*options, *effects))}.")
-    return notes
+    of_model = f"The base model has what the model of the run has: {', '.join((*options, *effects))}."
+    left = f"The run left {1e3 * run.left_v:.2g} mV of its own records: effects are asked to explain what is more."
+    return [*[of_model] * bool(options or effects), *[left] * (not has_references)]
 
 
 def read_life(options: DiscoverOptions) -> Task:
