@@ -80,8 +80,7 @@ def _hidden(results: Results) -> str:
         f"* In {len(hiding)} measured records a seed hid an effect of a strength that it drew. Beside an earlier "
         f"record of the same test, the right name is given in {grades['right']}, several names in "
         f"{grades['ambiguous']}, one of two effects in {grades['partial']}, none in {grades['declined']}, a wrong one "
-        f"in {grades['wrong']} ({exact_interval(grades['wrong'], len(hiding))}). What is found and what is not, case by "
-        "case: "
+        f"in {grades['wrong']} ({exact_interval(grades['wrong'], len(hiding))}). What is found and what is not: "
         "[docs/discovery-results.md](docs/discovery-results.md#effects-hidden-in-measured-records)."
     )
 
