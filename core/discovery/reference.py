@@ -24,9 +24,9 @@ correction, which is measured at one candidate too."""
 _NEAR = 5
 """Averages in a row over which the largest of it counts: a step ends earlier or later in another record."""
 
-_JUMP = 0.05
-"""Share of the largest current by which the current changes where a charge, a discharge or a rest begins: more than an
-offset of an instrument, less than the end of a hold."""
+_SMALL, _RESTS = 0.04, 0.01
+"""Shares of the largest current: below the first one a current may be what an instrument shows at rest, and so far from
+what it shows at rest a cell still rests. Holds end at 2 to 5 %."""
 
 
 def without_known(
@@ -76,10 +76,11 @@ def _phases(observed: Observations) -> NDArray[np.intp]:
     """
     steps = observed.measured_record.record.steps
     driven = np.array([step.kind is StepKind.DRIVE for step in steps])[observed.step]
-    begins = np.diff(observed.step, prepend=observed.step[:1]) != 0
-    jumps = np.abs(np.diff(observed.current, prepend=observed.current[:1]))
-    large = jumps > _JUMP * np.max(np.abs(observed.current), initial=0.0)
-    return np.cumsum(begins & (large | driven | np.roll(driven, 1)))
+    largest = np.max(np.abs(observed.current), initial=0.0)
+    small = observed.current[np.abs(observed.current) < _SMALL * largest]
+    flowing = observed.current - (np.median(small) if len(small) else 0.0)
+    way = np.where(driven, 2.0, np.sign(flowing) * (np.abs(flowing) > _RESTS * largest))
+    return np.cumsum(np.diff(way, prepend=way[:1]) != 0.0)
 
 
 def _place(observed: Observations, inside: NDArray[np.bool_]) -> FloatArray:
