@@ -6,7 +6,7 @@ import discovery_toy as toy
 import numpy as np
 import pytest
 from bsa.core.discovery.observations import observe
-from bsa.core.discovery.reference import without_known
+from bsa.core.discovery.reference import _phases, without_known
 from bsa.core.discovery.simulator import Request
 from bsa.core.errors import BsaError
 
@@ -50,6 +50,16 @@ def test_a_rest_with_an_offset_of_the_current_is_a_rest():
     later, earlier = seen("later", {"slow": 0.03}, 1), seen("earlier", {"slow": 0.03}, 2)
     found = less(replace(later, current=later.current - 0.03), earlier)
     np.testing.assert_array_equal(found.voltage, less(later, earlier).voltage)
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.03, -0.03])
+def test_a_charge_and_its_hold_are_one_and_the_rest_behind_them_another(offset):
+    """A hold ends at a twentieth of the current: by the size of that jump the rest behind it had been a part of it."""
+    program = ((0, 60), (-1, 300), (-0.3, 200), (-0.045, 200), (0, 400), (1, 900), (0, 300))
+    observed = seen("a", {}, 1, program)
+    phases = _phases(replace(observed, current=observed.current + offset))
+    of_steps = [set(phases[observed.step == number]) for number in range(len(program))]
+    assert of_steps == [{0}, {1}, {1}, {1}, {2}, {3}, {4}]
 
 
 def test_a_reference_of_another_test_is_refused():
