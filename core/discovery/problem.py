@@ -71,8 +71,6 @@ class Problem:
     # many cycles every fifth block is held out in any case: a hold-out record of a cycle or two shows no ageing.
     masks: Sequence[NDArray[np.bool_]] | None = None
     low_fidelity: bool = False  # Whether the simulator's cheaper model predicts; see `shifted_low_fidelity`.
-    # Effects and candidate at which the cheaper model was shifted to agree with the other one.
-    shifted_at: tuple[tuple[Effect, ...], Candidate] | None = None
     misfit_v: float = 0.0
     """Added in quadrature to every deviation of a fit, V. While no model comes near the data, the priors of the
     parameters, and the flat parts of a record beside its steep ones, must count against the misfit, not the noise."""
@@ -87,7 +85,6 @@ class Problem:
             )
         self._held_start: dict[tuple[str, str], Candidate] = {}
         self._corrected_at: tuple[tuple[Effect, ...], dict[str, float]] | None = None
-        self._of_forms: dict[tuple[str, ...], FloatArray | None] = {}
         records = [observed.measured_record for observed in (*self.observations, *self.held_observations)]
         self._names_of_records = frozenset(name for record in records for name in record.own_names)
 
@@ -141,10 +138,7 @@ class Problem:
         found = self.simulator.predict([self._request(*one, fine) for one in wanted])
         if fine:
             return found
-        return [
-            None if prediction is None else self._corrected(effects, observed, prediction)
-            for (effects, _, observed), prediction in zip(wanted, found, strict=True)
-        ]
+        return [self._corrected(one[2], prediction) for one, prediction in zip(wanted, found, strict=True)]
 
     def _request(self, effects: Sequence[Effect], candidate: Candidate, observed: Observations, fine: bool) -> Request:
         """The simulation of one record, without what acts on others: where that alone changes, it is the same."""
@@ -154,33 +148,11 @@ class Problem:
         fidelity = self.low_fidelity
         return Request(tuple(effects), everywhere, record, observed.moments, fine, soc, offset, fidelity)
 
-    def _corrected(self, effects: Sequence[Effect], observed: Observations, prediction: Prediction) -> Prediction:
-        voltage = prediction.voltage
-        for correction in (self.corrections.get(observed.name), self._of_form(effects, observed)):
-            if correction is not None:
-                voltage = voltage + correction
-        return Prediction(voltage, prediction.temperature)
-
-    def _of_form(self, effects: Sequence[Effect], observed: Observations) -> FloatArray | None:
-        """What absent effects change of the cheaper model, taken back, V; None where nothing is known of it.
-
-        An effect may bring another form of the model. That of SPMe with surface forms is 18 mV from SPMe at 2C
-        (Chen2020), which no fit of a double layer or of Marcus kinetics could tell from the effect.
-        """
-        if self.shifted_at is None:
-            return None
-        known, candidate = self.shifted_at
-        names = {effect.key for effect in known}
-        added = [effect for effect in effects if effect.key not in names]
-        key = (observed.name, *(effect.key for effect in added))
-        if added and key not in self._of_forms:
-            absent = {effect.full_name(p): p.probe for effect in added for p in effect.parameters}
-            absent |= {effect.full_name(effect.strength): effect.strength.null for effect in added}
-            own = {observed.measured_record.soc_name: self._first_soc(candidate), **candidate}
-            asked = [(known, own), ((*known, *added), own | absent)]
-            usual, form = self.simulator.predict([self._request(*one, observed, False) for one in asked])
-            self._of_forms[key] = None if usual is None or form is None else usual.voltage - form.voltage
-        return self._of_forms.get(key)
+    def _corrected(self, observed: Observations, prediction: Prediction | None) -> Prediction | None:
+        correction = self.corrections.get(observed.name)
+        if prediction is None or correction is None:
+            return prediction
+        return Prediction(prediction.voltage + correction, prediction.temperature)
 
     def errors(self, predictions: Sequence[Prediction]) -> list[FloatArray]:
         """Measured minus predicted voltage by record, V."""
@@ -287,7 +259,6 @@ class Problem:
             if ours is None or theirs is None:
                 return None
             low.corrections[observed.name] = ours.voltage - theirs.voltage
-        low.shifted_at = (tuple(effects), dict(candidate))
         return low
 
     def _first_soc(self, candidate: Candidate) -> float:

@@ -81,34 +81,6 @@ def test_a_cheaper_model_is_shifted_to_agree_at_one_candidate():
     assert low.shifted_low_fidelity((), here) is None
 
 
-def test_what_an_absent_effect_changes_of_a_cheaper_model_is_taken_back():
-    """A double layer brings another form of SPMe, 18 mV from SPMe at 2C: every fit of the effect began with these."""
-
-    class OfAnotherForm(toy.TwoFidelities):
-        def one(self, request):
-            found = super().one(request)
-            changed = 0.02 * len(request.effects) * request.low_fidelity
-            return Prediction(found.voltage + changed * np.sign(found.voltage - 3.7))
-
-    problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
-    problem.simulator = OfAnotherForm()
-    here = space.at(np.zeros(len(space)))
-    low = problem.shifted_low_fidelity((), here)
-    effects = (toy.effect("sign"), toy.effect("slow"))
-    for some in (effects[:1], effects):
-        absent = {effect.full_name(effect.strength): 0.0 for effect in some}
-        for one, other in zip(problem.predict((), here), low.predict(some, here | absent), strict=True):
-            np.testing.assert_allclose(other.voltage, one.voltage)
-    present = {effects[0].full_name(effects[0].strength): 0.01}
-    ours, theirs = (one.predict(effects[:1], here | present)[0].voltage for one in (problem, low))
-    np.testing.assert_allclose(theirs, ours, atol=2e-3)
-    at_effect = problem.shifted_low_fidelity(effects[:1], here | present)
-    for one, other in zip(
-        problem.predict(effects[:1], here | present), at_effect.predict(effects[:1], here | present), strict=True
-    ):
-        np.testing.assert_allclose(other.voltage, one.voltage)
-
-
 def test_a_hold_out_record_that_starts_far_from_the_fitted_ones_gets_its_own_state_of_charge():
     problem, _ = toy.problem(np.random.default_rng(0), {})
     elsewhere = {"resistance factor": 1.2} | {one.measured_record.soc_name: 0.2 for one in problem.observations}
