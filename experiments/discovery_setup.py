@@ -74,11 +74,12 @@ class DiscoverySetup:
     mesh: RadialMesh  # How finely the particles are resolved.
     capacity_ah: float  # Charge of the cell between its cut-offs at rest, which C-rates count in, A.h.
     passed_over: tuple[str, ...] = ()  # Effects that cannot be used, and why.
+    taken_off: tuple[str, ...] = ()  # What references have taken off the records, in words.
 
     @property
     def notes(self) -> list[str]:
         """What was assumed, repaired or settled."""
-        return [*self.case.notes, *([self.mesh.note] if self.mesh.note else []), *self.passed_over]
+        return [*self.case.notes, *([self.mesh.note] if self.mesh.note else []), *self.passed_over, *self.taken_off]
 
     def engine(
         self,
@@ -148,16 +149,16 @@ def set_up(
     simulator = make_simulator(cell, space, mesh)
     floor = 1e-3 * options.floor_mv
     seen = [observe(one, options.points, floor) for one in (*case.measured_records, *case.held)]
+    said: list[str] = []
     if case.references:
         earlier = [observe(one, options.points, floor) for one in case.references]
         as_measured, seen = seen, without_known(simulator, seen, earlier, space.at(np.zeros(len(space))))
         said = [_taken_off(*one) for one in zip(as_measured, seen, earlier, strict=True)]
         say_notes(said, listener)
-        passed_over += said
     count = len(case.measured_records)
     problem = Problem(simulator, seen[:count], seen[count:])
     capacity = equilibrium_capacity_ah(cell.parameter_set, cell.overrides)
-    return DiscoverySetup(case, problem, space, catalogue, simulator, mesh, capacity, tuple(passed_over))
+    return DiscoverySetup(case, problem, space, catalogue, simulator, mesh, capacity, tuple(passed_over), tuple(said))
 
 
 def _taken_off(measured: Observations, left: Observations, reference: Observations) -> str:

@@ -39,7 +39,7 @@ _ROOMY_SOC = 0.9
 _LARGEST_V = 0.02
 """A larger difference between two meshes, V, is no correction: it counts as uncertainty only."""
 
-_UNSURE = 0.25
+UNSURE = 0.25
 """Share of the difference between two meshes that is uncertain after it was corrected: it was measured at one candidate
 and one refinement."""
 
@@ -183,7 +183,7 @@ class Problem:
         for observed, mask in zip(self.observations, self.fitted, strict=True):
             steps = observed.step[mask]
             floors = observed.floor * (steps[:, None] == np.unique(steps))
-            mesh = _UNSURE * self.corrections.get(observed.name, np.zeros(len(observed)))
+            mesh = UNSURE * self.corrections.get(observed.name, np.zeros(len(observed)))
             blocks.append(np.column_stack([floors, mesh[mask]]))
         return np.asarray(block_diag(*blocks))
 
@@ -222,9 +222,9 @@ class Problem:
             change = fine.voltage - usual.voltage
             # Where cells of a mesh are emptied one by one the voltage falls in stairs, those of two meshes cross, and
             # a difference that is small by chance says nothing: what counts is the largest one near.
-            near = maximum_filter1d(np.abs(change), _NEAR)
+            near = largest_near(change)
             # Where the two meshes disagree on when the cell is empty, the difference is no correction.
-            self.mesh_sigma[observed.name] = np.where(near > _LARGEST_V, near, _UNSURE * near)
+            self.mesh_sigma[observed.name] = np.where(near > _LARGEST_V, near, UNSURE * near)
             change = np.where(near > _LARGEST_V, 0.0, change)
             # Around a knee the difference is a shift in time; there it is an uncertainty more than a correction.
             self.corrections[observed.name] = change
@@ -316,6 +316,11 @@ class Problem:
                 self._held_start[key] = fit.candidate
                 return errors([fit.candidate])[0]
         return None
+
+
+def largest_near(change: FloatArray) -> FloatArray:
+    """The largest size of a change of the voltage among some averages in a row, V."""
+    return np.asarray(maximum_filter1d(np.abs(change), _NEAR))
 
 
 def _held_turn(voltage: FloatArray, turn: NDArray[np.intp]) -> int:

@@ -9,20 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
 
 from ..errors import BsaError
 from ..trajectory import FloatArray, StepKind
 from .observations import Observations
-from .problem import Problem
+from .problem import UNSURE, Problem, largest_near
 from .simulator import Simulator
-
-_UNSURE = 0.25
-"""Share of what the model lacks of the earlier record that is uncertain of the later one: as much as of a mesh
-correction, which is measured at one candidate too."""
-
-_NEAR = 5
-"""Averages in a row over which the largest of it counts: a step ends earlier or later in another record."""
 
 _SMALL, _RESTS = 0.04, 0.01
 """Shares of the largest current: below the first one a current may be what an instrument shows at rest, and so far from
@@ -65,7 +57,8 @@ def _less(observed: Observations, reference: Observations, error: FloatArray) ->
         places = [_place(observed, here), _place(reference, there)]
         order = np.argsort(places[1], kind="stable")
         known[here] = np.interp(places[0], places[1][order], error[there][order])
-    unsure = _UNSURE * maximum_filter1d(np.abs(known), _NEAR)
+    # As much as of a mesh correction, which is measured at one candidate too.
+    unsure = UNSURE * largest_near(known)
     return replace(observed, voltage=observed.voltage - known, sigma=np.hypot(observed.sigma, unsure))
 
 

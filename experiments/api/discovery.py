@@ -90,8 +90,8 @@ def discover(
     options, override : mapping, optional
         PyBaMM's model options, and parameters that are known better.
     search : str or mapping, optional
-        What is uncertain about the base model: a preset, a YAML file, or factors by name. Left out, ``"measured"``
-        where the parameters are those of a run, else ``"all"``.
+        What is uncertain about the base model: a preset, a YAML file, or factors by name. Left out,
+        ``"unchanged"`` with references, ``"measured"`` where the parameters are those of a run, else ``"all"``.
     scale : bool
         Whether the electrode area is scaled to the records' capacity.
     effect : str or sequence of str, optional

@@ -85,15 +85,14 @@ def hide_command(
     from ..discovery_bench.making import make_cases
     from ..discovery_bench.measured_case import hidden_in
     from ..discovery_case import RecordFile, reference_files, usual_search
-    from ..task_request import Records
+    from ..read_options import one_each
     from ..tasks.parameter_source import names_a_set
 
-    asked = Records(data, holdout or (), reading.readings())
-    files = (*data, *(holdout or ()))
-    records = [read.record(file) for read, file in zip(asked.each_read(), files, strict=True)]
+    reads, files = reading.readings(), (*data, *(holdout or ()))
+    records = [read.record(file) for read, file in zip(one_each(reads, len(files)), files, strict=True)]
     if not names_a_set(parameters) and Path(parameters).exists():
         parameters = str(Path(parameters).absolute())  # the cases are run from anywhere
-    earlier = reference_files([path.absolute() for path in reference or ()], reading.readings())
+    earlier = reference_files([path.absolute() for path in reference or ()], reads)
     search = search or usual_search(parameters, earlier)
     base: dict[str, Any] = {"parameters": parameters, "model": model, "search": search}
     if earlier:
