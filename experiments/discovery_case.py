@@ -87,8 +87,8 @@ class DiscoverOptions(BaseModel, extra="forbid"):
     holdout: list[RecordFile] = Field(default=[], description="Records that are predicted and never fitted.")
     reference: list[RecordFile] = Field(
         default=[],
-        description="Earlier records of the same tests on the same cell, in the order of fitted and held-out records: "
-        "what the base model lacks of them counts as known.",
+        description="Earlier records of the same tests on the same cell, in the order of fitted and held-out records, "
+        "once or several times: what the base model lacks of them counts as known.",
     )
     initial_soc: list[float | None] = Field(
         default=[],
@@ -295,10 +295,11 @@ def read_case(options: DiscoverOptions) -> Case:
         scale_to_capacity=options.scale,
     )
     earlier = [named for file in options.reference for named in _parts(options, file)]
-    if earlier and len(earlier) != len(fitted) + len(held):
+    if len(earlier) % (len(fitted) + len(held)):
         raise BsaError(
             f"{len(earlier)} references were given for {len(fitted) + len(held)} records.",
-            "give an earlier record of the same test for each of --data and --holdout, in their order.",
+            "give an earlier record of the same test for each of --data and --holdout, in their order; then, if there "
+            "are more, a second one for each.",
         )
     found = measured_experiments(wanted, [request for _, request in (*fitted, *held)])
     names = _told_apart([name for name, _ in (*fitted, *held, *earlier)])

@@ -153,7 +153,10 @@ def set_up(
     if case.references:
         earlier = [observe(one, options.points, floor) for one in case.references]
         as_measured, seen = seen, without_known(simulator, seen, earlier, space.at(np.zeros(len(space))))
-        said = [_taken_off(*one) for one in zip(as_measured, seen, earlier, strict=True)]
+        said = [
+            _taken_off(measured, left, earlier[place :: len(seen)])
+            for place, (measured, left) in enumerate(zip(as_measured, seen, strict=True))
+        ]
         say_notes(said, listener)
     count = len(case.measured_records)
     problem = Problem(simulator, seen[:count], seen[count:])
@@ -161,12 +164,15 @@ def set_up(
     return DiscoverySetup(case, problem, space, catalogue, simulator, mesh, capacity, tuple(passed_over), tuple(said))
 
 
-def _taken_off(measured: Observations, left: Observations, reference: Observations) -> str:
-    """What is said of a record of which the reference has taken something off."""
-    known_v = float(np.sqrt(np.mean((measured.voltage - left.voltage) ** 2)))
+def _taken_off(measured: Observations, left: Observations, references: Sequence[Observations]) -> str:
+    """What is said of a record of which references have taken something off."""
+    known_mv = 1e3 * float(np.sqrt(np.mean((measured.voltage - left.voltage) ** 2)))
+    unsure_mv = 1e3 * float(np.sqrt(np.mean(np.sum(left.systematic**2, axis=1))))
+    differ = ", and how far the references differ" if len(references) > 1 else ""
     return (
-        f"{measured.name}: what the base model lacks of {reference.name}, {1e3 * known_v:.2g} mV (rms of averages), is "
-        "taken off the voltage: what has changed since is to be explained."
+        f"{measured.name}: what the base model lacks of {' and '.join(one.name for one in references)}, {known_mv:.2g} mV "
+        f"(rms of averages), is taken off the voltage: what has changed since is to be explained. {unsure_mv:.2g} mV of "
+        f"it are uncertain: a quarter{differ}."
     )
 
 

@@ -30,7 +30,7 @@ _PARTS = 12
 """Parts of the charge of a varying current between which the slope of its voltage is taken: some minutes each, over
 which a drive cycle's currents average out, and as many as the averages of the shortest step."""
 
-_BY_STRETCH = ("time", "current", "voltage", "sigma", "count", "step", "cycle", "since", "charge")
+_BY_STRETCH = ("time", "current", "voltage", "sigma", "count", "step", "cycle", "since", "charge", "systematic")
 """Fields of `Observations` that have an entry for each stretch; the temperature, where it was measured, has too."""
 
 
@@ -55,6 +55,8 @@ class Observations:
     noise_freedom: float  # Degrees of freedom from which that is estimated; infinite where it is assumed.
     floor: float  # Differences below this are not physics, V.
     moments: Moments  # When a simulation is looked at to be compared.
+    # Errors of ``voltage`` that do not average out, V, each a column, shape (n, k); ``sigma`` holds their size.
+    systematic: FloatArray
 
     def __len__(self) -> int:
         return len(self.time)
@@ -116,6 +118,7 @@ def observe(measured_record: MeasuredRecord, points: int = 500, floor_v: float =
         noise_freedom(record),
         floor_v,
         _moments(record, clocked, groups),
+        np.zeros((len(groups), 0)),
     )
 
 

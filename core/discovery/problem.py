@@ -177,14 +177,15 @@ class Problem:
     def systematic(self) -> FloatArray:
         """Errors of the fitted stretches that do not average out, V, each a column, shape (n, k).
 
-        They are the floor, the same over a whole step, and in each record what is uncertain about the mesh.
+        They are the floor, the same over a whole step, and in each record what is uncertain about the mesh and about
+        what references have taken off.
         """
         blocks = []
         for observed, mask in zip(self.observations, self.fitted, strict=True):
             steps = observed.step[mask]
             floors = observed.floor * (steps[:, None] == np.unique(steps))
             mesh = UNSURE * self.corrections.get(observed.name, np.zeros(len(observed)))
-            blocks.append(np.column_stack([floors, mesh[mask]]))
+            blocks.append(np.column_stack([floors, mesh[mask], observed.systematic[mask]]))
         return np.asarray(block_diag(*blocks))
 
     def deviation(self) -> FloatArray:

@@ -29,8 +29,9 @@ def without_known(
 ) -> list[Observations]:
     """The averages of records less what the base model lacks of their references, as uncertain as that is.
 
-    ``candidate`` are the values of the base model that both are compared at; of each reference the initial state of
-    charge is fitted. Raises `BsaError` if a reference is of another test, or cannot be simulated.
+    ``references`` are one for each record, in their order, or several times as many: a first one for each record, then
+    a second one. ``candidate`` are the values of the base model that all are compared at; of each reference the initial
+    state of charge is fitted. Raises `BsaError` if a reference is of another test, or cannot be simulated.
     """
     found = Problem(simulator, observations, references).held_out((), candidate)
     if found is None:
@@ -38,12 +39,26 @@ def without_known(
             "the base model cannot follow the current of a reference.",
             "leave --reference out, or begin with a run that fitted this cell.",
         )
-    errors = [error for _, error in found[len(found) - len(references) :]]
-    return [_less(*one) for one in zip(observations, references, errors, strict=True)]
+    lacking = found[len(found) - len(references) :]
+    count = len(observations)
+    return [_less(observed, lacking[place::count]) for place, observed in enumerate(observations)]
 
 
-def _less(observed: Observations, reference: Observations, error: FloatArray) -> Observations:
-    """One record's averages less what the model lacks of its reference, V."""
+def _less(observed: Observations, lacking: Sequence[tuple[Observations, FloatArray]]) -> Observations:
+    """One record's averages less what the model lacks of its references, V, on average."""
+    each = np.array([_at_places_of(observed, reference, error) for reference, error in lacking])
+    known, count = np.mean(each, axis=0), len(each)
+    # As much as of a mesh correction, which is measured at one candidate too.
+    unsure = UNSURE * known[None, :]
+    if count > 1:
+        # How far tests of the cell differ, and how far their mean is from what it would be over many.
+        unsure = np.vstack([unsure, np.sqrt((1.0 + 1.0 / count) / (count - 1)) * (each - known)])
+    sigma = np.hypot(observed.sigma, largest_near(np.linalg.norm(unsure, axis=0)))
+    return replace(observed, voltage=observed.voltage - known, sigma=sigma, systematic=unsure.T)
+
+
+def _at_places_of(observed: Observations, reference: Observations, error: FloatArray) -> FloatArray:
+    """An error of a reference (V), in each charge, discharge and rest where the averages of a record lie in theirs."""
     phases, earlier = _phases(observed), _phases(reference)
     if phases[-1] != earlier[-1]:
         raise BsaError(
@@ -51,15 +66,13 @@ def _less(observed: Observations, reference: Observations, error: FloatArray) ->
             f"{earlier[-1] + 1}.",
             "give an earlier record of the same test for each record, in their order; bsa data shows the steps.",
         )
-    known = np.zeros(len(observed))
+    found = np.zeros(len(observed))
     for number in range(phases[-1] + 1):
         here, there = phases == number, earlier == number
         places = [_place(observed, here), _place(reference, there)]
         order = np.argsort(places[1], kind="stable")
-        known[here] = np.interp(places[0], places[1][order], error[there][order])
-    # As much as of a mesh correction, which is measured at one candidate too.
-    unsure = UNSURE * largest_near(known)
-    return replace(observed, voltage=observed.voltage - known, sigma=np.hypot(observed.sigma, unsure))
+        found[here] = np.interp(places[0], places[1][order], error[there][order])
+    return found
 
 
 def _phases(observed: Observations) -> NDArray[np.intp]:

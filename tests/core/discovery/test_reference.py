@@ -17,9 +17,9 @@ def seen(name, truth, seed, program=CYCLE):
     return observe(toy.measured_record(name, np.random.default_rng(seed), truth, program=program), points=150)
 
 
-def less(observed, reference):
+def less(observed, *references):
     candidate = {"resistance factor": 1.2, observed.measured_record.soc_name: 0.9}
-    (found,) = without_known(toy.ToySimulator(), [observed], [reference], candidate)
+    (found,) = without_known(toy.ToySimulator(), [observed], references, candidate)
     return found
 
 
@@ -66,3 +66,29 @@ def test_a_reference_of_another_test_is_refused():
     other = ((0, 60), (1, 900), (0, 300))
     with pytest.raises(BsaError, match="later has 5 charges, discharges and rests, and its reference earlier 3"):
         less(seen("later", {}, 1), seen("earlier", {}, 2, other))
+
+
+def test_what_is_uncertain_is_a_quarter_and_how_far_references_differ():
+    later, earlier = seen("later", {"slow": 0.03}, 1), seen("earlier", {"slow": 0.03}, 2)
+    once, twice = less(later, earlier), less(later, earlier, earlier)
+    np.testing.assert_allclose(once.systematic[:, 0], 0.25 * (later.voltage - once.voltage))
+    np.testing.assert_allclose(twice.systematic[:, 1:], 0.0, atol=1e-12)
+    np.testing.assert_allclose(twice.sigma, once.sigma)
+    other = less(later, earlier, seen("other", {"slow": 0.03, "sign": 0.02}, 3))
+    assert other.systematic.shape == (len(later), 3)
+    charged = np.abs(later.current) > 0.5
+    # 20 mV apart: each 10 mV from the mean, which is as uncertain as a half of that.
+    apart = np.linalg.norm(other.systematic[:, 1:], axis=1)[charged]
+    assert np.median(apart) == pytest.approx(np.sqrt(1.5) * np.sqrt(2.0) * 0.01, rel=0.1)
+    assert np.all(other.sigma[charged] > twice.sigma[charged])
+
+
+def test_references_go_round_by_record():
+    """A first one for each record, then a second one: the third reference is the first record's."""
+    first, second = seen("first", {"slow": 0.03}, 1), seen("second", {"sign": 0.03}, 2)
+    known = {"slow": 0.03}, {"sign": 0.03}
+    references = [seen(f"reference {k}", known[k % 2], 3 + k) for k in range(4)]
+    candidate = {"resistance factor": 1.2} | {one.measured_record.soc_name: 0.9 for one in (first, second)}
+    found = without_known(toy.ToySimulator(), [first, second], references, candidate)
+    for observed in found:
+        assert np.sqrt(np.mean(left(observed) ** 2)) < 2e-3
