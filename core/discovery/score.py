@@ -40,9 +40,8 @@ def score_effect(fit: Refit, sensitivity: FloatArray, bounds: tuple[float, float
         See `trusted_step`.
     """
     residual, jacobian, prior_weights = fit.residual, fit.jacobian, fit.space.prior_weights
-    normal = jacobian.T @ jacobian + np.diag(prior_weights**2 + 1e-9)
-    projected = sensitivity - jacobian @ np.linalg.solve(normal, jacobian.T @ sensitivity)
-    free = residual - jacobian @ np.linalg.solve(normal, jacobian.T @ residual + prior_weights**2 * fit.u)
+    projected = _projected(fit, sensitivity)
+    free = residual - jacobian @ np.linalg.solve(_normal(fit), jacobian.T @ residual + prior_weights**2 * fit.u)
     size = float(projected @ projected)
     if float(sensitivity @ sensitivity) < 1e-6 or size < 1e-9:
         return Score(0.0, 0.0, 0.0)
@@ -60,12 +59,32 @@ def score_effect(fit: Refit, sensitivity: FloatArray, bounds: tuple[float, float
     return Score(float(np.clip(step[-1], *bounds)), wanted * np.sqrt(size), max(gain - without, 0.0))
 
 
+def overlap(fit: Refit, one: FloatArray, other: FloatArray) -> float:
+    """Share of what one sensitivity explains that another one explains too, beside the parameters of a fit.
+
+    It is the squared cosine of the angle between the projected sensitivities, see `score_effect`.
+    """
+    one, other = _projected(fit, one), _projected(fit, other)
+    size = float(one @ one) * float(other @ other)
+    return float(one @ other) ** 2 / size if size > 0.0 else 0.0
+
+
 def trusted_step(fit: Refit, residual: FloatArray, reach: float = _REACH) -> tuple[FloatArray, float]:
     """The step from where a fit ended that lowers a residual most, and the fall in cost, by the fit's own Jacobian.
 
     The linear model is trusted as far as ``reach`` in each coordinate, in deviations of the priors.
     """
     return _bounded(fit.jacobian, residual, fit.space.prior_weights, fit.u, *_room(fit, reach))
+
+
+def _normal(fit: Refit) -> FloatArray:
+    return np.asarray(fit.jacobian.T @ fit.jacobian + np.diag(fit.space.prior_weights**2 + 1e-9))
+
+
+def _projected(fit: Refit, sensitivity: FloatArray) -> FloatArray:
+    """A sensitivity without what the fitted parameters imitate."""
+    jacobian = fit.jacobian
+    return np.asarray(sensitivity - jacobian @ np.linalg.solve(_normal(fit), jacobian.T @ sensitivity))
 
 
 def _room(fit: Refit, reach: float) -> tuple[FloatArray, FloatArray]:
