@@ -192,9 +192,9 @@ class Engine:
         """Give short fits to effects without one whose sensitivities are nearly collinear with that of the best one.
 
         Where the score is wrong about the sign, as it can be for all effects that change the time at which a cell is
-        empty, it passes over those that are bounded to the other sign, and one of them may be what is missing. An effect
-        is taken if what it leaves of the best one's gain would not decide between the two. ``scored_with_v`` is the
-        misfit that the scores were taken with, V.
+        empty, it passes over those that are bounded to the other sign, and one of them may be what is missing. An
+        effect is taken if what it leaves of the best one's gain would not decide between the two. ``scored_with_v`` is
+        the misfit that the scores were taken with, V.
         """
         best = next((n for n in known.nominations if found and (n.effect,) == found[0].effects), None)
         gain = bic_difference(known.base, found[0]) if best is not None else 0.0
