@@ -55,8 +55,8 @@ def repeats_table(rows: Sequence[Repeat]) -> str:
         summary.append((references, len(some), known, left, *ratios))
     names = ("references", "records", "known", "left", "median", "ninth", "largest")
     columns = {
-        "references": "{references}",
-        "records": "{records}",
+        "references": "{references:.0f}",
+        "records": "{records:.0f}",
         "the model lacks / mV": "{known:.1f}",
         "left / mV": "{left:.1f}",
         "over the uncertain: median": "{median:.2f}",
