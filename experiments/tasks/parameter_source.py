@@ -174,11 +174,11 @@ def _is_another_start(target: Target | None, corrected: Sequence[float | None]) 
 
 
 def _started_in_the_fitted_cell(states: Sequence[Parameter], task: Task, run: RunRecord) -> list[Parameter]:
-    from ...plugins.pybamm.cells.parameter_sets import load
+    from ...plugins.pybamm.cells.parameter_sets import as_simulated, load
     from ...plugins.pybamm.cells.state_of_charge import InitialState
 
     set_as_is = InitialState(load(task.cell.parameter_set, task.cell.overrides))
-    fitted = run.task.space.change(run.best.candidate)
+    fitted = as_simulated(run.task.cell, run.task.space.change(run.best.candidate))
     known = {experiment.name: experiment.target for experiment in run.task.experiments}
     started = []
     for state in states:

@@ -21,7 +21,7 @@ from ....core.target import (
     ocp_name,
     target_named,
 )
-from ....core.task import NEAREST, ParameterFile, ParameterSource
+from ....core.task import NEAREST, CellModel, ParameterFile, ParameterSource
 from .diffusivity_shape import reshape
 from .ocp_shape import ELECTRODES, OcpCurves, correct
 
@@ -222,6 +222,11 @@ def bake(values: pybamm.ParameterValues, change: CellChange) -> None:
     if change.ocp_shape:
         correct(values, OcpCurves(values).falling(CellChange(ocp_shape=change.ocp_shape)).ocp_shape)
     reshape(values, change.diffusivity_shape)
+
+
+def as_simulated(cell: CellModel, change: CellChange) -> CellChange:
+    """The change as simulations of the cell have it: open-circuit potentials fall, see `OcpCurves.falling`."""
+    return OcpCurves(load(cell.parameter_set, cell.overrides)).falling(change) if change.ocp_shape else change
 
 
 def voltage_window(values: Mapping[str, Any]) -> tuple[float, float]:

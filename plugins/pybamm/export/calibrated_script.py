@@ -17,9 +17,9 @@ from ....core.trajectory import StepKind
 from ..augmentation import augmented_cell, part_of
 from ..cells.diffusivity_shape import by_diffusivity
 from ..cells.model_options import as_built
-from ..cells.ocp_shape import BUMP_WIDTH, OcpCurves
+from ..cells.ocp_shape import BUMP_WIDTH
 from ..cells.parameter_files import as_json
-from ..cells.parameter_sets import FILL_FROM, bake, load, pybamm
+from ..cells.parameter_sets import FILL_FROM, as_simulated, bake, load, pybamm
 from ..cells.state_of_charge import InitialState, changed_values
 from ..modelling import drive
 from ..modelling.compiled_cell import added_potentials, start_of
@@ -45,7 +45,7 @@ def script(
     will be called ``file_name``. Names and protocol strings come from files and models: they enter as literals only,
     never as code or comments. ``candidate`` has a value for every searched parameter and for the effects' parameters.
     """
-    change = task.space.change(candidate)
+    change = as_simulated(task.cell, task.space.change(candidate))
     cell = augmented_cell(task.cell, effects)
     from_file = isinstance(task.cell.parameter_set, ParameterFile)
     tables: dict[str, str] = {}
@@ -66,7 +66,7 @@ def script(
         overrides={name: float(value) for name, value in task.cell.overrides.items()},
         calibrated=dict(change.values),
         factors={} if from_file else dict(change.factors),
-        bumps={} if from_file else _bumps(task.cell, change),
+        bumps={} if from_file else _bumps(change),
         diffusivity_factors={} if from_file else by_diffusivity(change.diffusivity_shape),
         bump_width=BUMP_WIDTH,
         records=[
@@ -108,13 +108,10 @@ def parameter_values_json(cell: CellModel, change: CellChange) -> str:
     return as_json(changed_values(cell, change))
 
 
-def _bumps(cell: CellModel, change: CellChange) -> dict[str, dict[float, float]]:
+def _bumps(change: CellChange) -> dict[str, dict[float, float]]:
     """Height in V by stoichiometry of what is added to open-circuit potentials, by PyBaMM's names of these."""
-    if not change.ocp_shape:
-        return {}
     found: dict[str, dict[float, float]] = {}
-    falling = OcpCurves(load(cell.parameter_set, cell.overrides)).falling(change)
-    for target, height in falling.ocp_shape.items():
+    for target, height in change.ocp_shape.items():
         found.setdefault(target.ocp, {})[target.stoichiometry] = height
     return found
 

@@ -174,6 +174,15 @@ def test_a_start_by_voltage_is_that_of_the_final_score(effects):
 
 
 @pytest.mark.slow
+def test_a_start_by_voltage_is_that_of_the_potentials_that_are_simulated():
+    """A correction that is reduced so that the potential falls: the start was that of the potential as searched."""
+    correction, cell = "Negative electrode OCP correction at stoichiometry 0.5 [V]", CellModel("Chen2020", "SPM")
+    experiment = Experiment("short", NOTHING, (("Rest for 1 second",),), initial_voltage=3.8)
+    made = namespace_of(script(task_of(cell, experiment, correction), {correction: -0.15}), "script")
+    assert made["simulate"](0)["Voltage [V]"].entries[0] == pytest.approx(3.8, abs=1e-4)
+
+
+@pytest.mark.slow
 def test_what_an_effect_adds_to_the_voltage_is_in_the_scripts_cut_offs_and_impedance():
     cell = CellModel("Chen2020", "SPM", effects=("ocp-hysteresis",))
     candidate = {"ocp-hysteresis: half_gap [V]": 0.05, "ocp-hysteresis: decay": 20.0}
