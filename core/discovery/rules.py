@@ -52,6 +52,9 @@ def closed(before_v: float, after_v: float, floor_v: float) -> float:
     return math.nan if excess <= 0 else 1.0 - max(after_v**2 - floor_v**2, 0.0) / excess
 
 
+_FARTHER = "comes no nearer to the records than {}"
+
+
 @dataclass(frozen=True)
 class Rules:
     """The rules with their constants, all that decide between the verdicts."""
@@ -123,13 +126,16 @@ class Rules:
         told = warm or (self.explains_all(found) and margin > self.far_ahead)
         if not found.held_rmse_v < base.held_rmse_v / (1.0 - self.held_margin if told else 1.0):
             return f"does not predict {self.held_words} better than {self.base_words}"
-        return ""
+        # A few large errors count little in BIC: the error may grow beside a better likelihood, that of few others.
+        return _FARTHER.format(self.base_words) * (margin <= self.far_ahead and found.rmse_v > gap.nearest.rmse_v)
 
     def leaves_too_much(self, found: Explanation, gap: Gap) -> str:
         """Why an explanation is a partial one at most, for what it leaves; empty if it is not."""
         if self.explains_all(found):
             return ""
         share = closed(gap.nearest.rmse_v, found.rmse_v, gap.floor_v)
+        if share < 0.0:
+            return _FARTHER.format(self.base_words)
         if share < 1.0 - self.left_over:
             return f"explains {share:.0%} of the squared misfit only, and {_left_in_words(found, gap)}"
         held, shown = gap.base.held_rmse_v, gap.base.held_rmse_v > (1.0 + self.held_margin) * gap.held_floor_v
@@ -181,11 +187,11 @@ class Rules:
         needed = [e for e in explanations if not self.needless(e, explanations)]
         accepted = [e for e in needed if not self.objection_to(e, gap)]
         if not accepted:
-            first = needed[0]
-            reason = f"{first.label}: {self.objection_to(first, gap)}"
             # What is no better than the base model, or no nearer to the records, explains no part of the discrepancy.
-            better = self.behind(base, first) > 0 and first.rmse_v < gap.nearest.rmse_v
-            nearest = first if better else gap.nearest
+            partial = [e for e in needed if self.behind(base, e) > 0 and e.rmse_v < gap.nearest.rmse_v]
+            first = (partial or needed)[0]
+            reason = f"{first.label}: {self.objection_to(first, gap)}"
+            nearest = first if partial else gap.nearest
             return Findings("unexplained", gap, nearest, explanations=explanations, reason=reason)
         best = accepted[0]
         for other in accepted[1:]:

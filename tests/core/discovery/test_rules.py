@@ -130,6 +130,29 @@ def test_what_comes_no_nearer_to_the_records_is_no_partial_explanation(found_mv)
     assert decided.best is (found if found_mv < 10.0 else base)
 
 
+@pytest.mark.parametrize(("base_rmse", "named"), [(1.2, False), (3.0, True)], ids=["ahead", "far ahead"])
+def test_an_effect_beside_which_the_error_grows_is_named_only_far_ahead(base_rmse, named):
+    """Between two cycles of a healthy cell an offset was named with which the error rose from 3.2 to 6.7 mV."""
+    base, found = explanation("base", None, rmse=base_rmse), explanation("cause", None)
+    base.rmse_v, found.rmse_v = 3.2e-3, 6.7e-3
+    base.held_rmse_v, found.held_rmse_v = 2e-3, 1e-3
+    gap = Gap(base, base, 1e-4, 1e-4)
+    assert (RULES.objection_to(found, gap) == "") is named
+    found.adequacy = Adequacy(0.0, 0.0, 1.0)
+    assert RULES.objection_to(found, gap) == "comes no nearer to the records than the base model"
+
+
+def test_what_comes_nearer_stands_before_what_is_likelier_and_farther():
+    base, likelier, nearer = (
+        explanation(name, None, rmse=size) for name, size in (("b", 10.0), ("l", 2.0), ("n", 3.0))
+    )
+    base.adequacy = likelier.adequacy = nearer.adequacy = Adequacy(0.0, 0.0, 1.0)
+    base.rmse_v, likelier.rmse_v, nearer.rmse_v = 10e-3, 11e-3, 9e-3
+    decided = RULES.decide(Gap(base, base, 1e-4, 1e-4), [likelier, nearer])
+    assert decided.best is nearer
+    assert decided.reason.startswith("n: explains 19% of the squared misfit only")
+
+
 @pytest.mark.parametrize("adequate", [True, False])
 def test_two_effects_are_named_only_where_they_leave_no_more_than_noise(adequate):
     base = explanation("base", None, rmse=50.0)
