@@ -197,7 +197,12 @@ class Tools:
                 "go on with it by bsa run --resume or bsa discover --resume.",
             )
         for path in paths:
-            self._folders.inside(path)
+            if not Path(path).is_absolute():
+                raise BsaError(
+                    f"{shown(folder.name)} reads {shown(path, 200)}, a path that begins where the server was started.",
+                    "go on with it by bsa discover --resume, in the folder where it began.",
+                )
+            self._folders.file(path)
 
     def _new_folder(self, out: str | None, data: str | list[Path]) -> AbstractContextManager[Path]:
         """The folder of a new run; two calls at once are given two."""
