@@ -240,7 +240,8 @@ def _parameters_written(parameters: ParameterSource, folder: Path) -> str:
     if isinstance(parameters, str):
         return parameters
     path = _place_of_records(folder) / "parameters.json"
-    if path.is_file() and (folder / FILE_NAME).is_file() and path.read_text() != parameters.text:
+    is_resumed = path.is_file() and (folder / FILE_NAME).is_file()
+    if is_resumed and path.read_text(encoding="utf-8") != parameters.text:
         raise _belongs_to_another(folder, "parameters")
     write_text(path, parameters.text)
     return str(path)
