@@ -62,7 +62,11 @@ def test_what_a_calibration_was_begun_with(tmp_path: Path) -> None:
 )
 def test_what_a_discovery_was_begun_with(others: Any, read: list[str], tmp_path: Path) -> None:
     config = {"config": others.pop("config")} if "config" in others else {}
-    files = {"data": [{"path": "/a.csv", "joined": ["/b.csv"]}], "holdout": ["/c.csv"], "reference": ["/d.csv", "e.csv"]}
+    files = {
+        "data": [{"path": "/a.csv", "joined": ["/b.csv"]}],
+        "holdout": ["/c.csv"],
+        "reference": ["/d.csv", "e.csv"],
+    }
     folder = _begun(tmp_path / "run", kind="discovery", options={**files, **others}, **config)
     begun, paths = functions.begun_with(folder)
     assert (begun["parameters"], begun["backend"]) == (others["parameters"], others.get("backend"))
