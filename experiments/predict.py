@@ -12,7 +12,7 @@ from ..core.files import write_json, write_text
 from ..core.hooks import RunContext
 from ..core.inference.prediction import Prediction, predict
 from ..core.run.later_simulations import NOT_FITTED, WatchedSimulations
-from ..core.run.loop import Listener
+from ..core.run.listener import SILENT, Listener
 from ..core.run.run_plugins import RunPlugins
 from ..core.scaffold import Scaffold
 from .run_record import RunRecord, read_run
@@ -51,7 +51,7 @@ def _of_held_out(note: str) -> bool:
 
 
 def predict_records(
-    folder: Path, requests: Sequence[RecordRequest], workers: int = 1, listener: Listener | None = None
+    folder: Path, requests: Sequence[RecordRequest], workers: int = 1, listener: Listener = SILENT
 ) -> ScoredRecords:
     """Simulate records and impedance spectra with the best candidate of a run.
 
@@ -67,20 +67,15 @@ def predict_records(
     scaffold = Scaffold.model_validate(
         {"name": "predict", "simulator": run.config["scaffold"]["simulator"], "proposer": "default"}
     )
-    watching = {"cycled": listener.cycled} if listener else {}
-    context = RunContext(task, int(run.config["seed"]), folder, None, workers, **watching)
+    context = RunContext(task, int(run.config["seed"]), folder, None, workers, listener.cycled)
     plugins = RunPlugins(scaffold, context, installed())
-    watched = WatchedSimulations(plugins, listener.counted if listener else _unwatched, variants=NOT_FITTED)
+    watched = WatchedSimulations(plugins, listener.counted, variants=NOT_FITTED)
     draws = () if run.analysis is None else run.analysis.identifiability.draws
     try:
         found = predict(task, run.best.candidate, task.held_out, watched, draws, misfits(run.records))
     finally:
         plugins.close()
     return ScoredRecords(replace(run, task=task, held_out=found), found)
-
-
-def _unwatched(purpose: str, done: int, total: int) -> None:
-    pass
 
 
 def write_scores(scored: ScoredRecords, out: Path) -> Path:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Self, TextIO
 from ...core.contracts.reply_parsing import strip_control
 from ...core.messages import Usage
 from ...core.printable import counted
+from ...core.run.listener import Listener
 
 if TYPE_CHECKING:
     from rich.panel import Panel
@@ -50,7 +51,7 @@ def cycle_words(stage: str, cycle: int, cycles: int) -> str:
     return f"{stage}, cycle {cycle} of {cycles}" if alone == stage else f"{alone}: cycle {cycle} of {cycles}"
 
 
-class PlainProgress:
+class PlainProgress(Listener):
     """Progress as lines.
 
     One for each better trial, for each hypothesis, for each round of a fit that does something else than the one
@@ -165,7 +166,7 @@ class Redrawn(ABC):
         self._live.console.print(Text(line, style="yellow"), soft_wrap=True)
 
 
-class LiveProgress(Redrawn):
+class LiveProgress(Redrawn, Listener):
     """A panel with where a run stands; ``command`` as in `PlainProgress`."""
 
     def __init__(self, title: str, unit: str, simulations: int, command: str = "") -> None:
