@@ -139,7 +139,7 @@ class PlainCampaign(_Counting):
         """Print a line."""
         print(line, file=self._stream, flush=True)
 
-    def tick(self, running: int, waiting: int, elsewhere: int) -> None:
+    def tick(self, elsewhere: int) -> None:
         """See `Watcher.tick`."""
 
     def __enter__(self) -> PlainCampaign:
@@ -160,7 +160,7 @@ class LiveCampaign(Redrawn, _Counting):
         self._elsewhere = 0
         Redrawn.__init__(self)
 
-    def tick(self, running: int, waiting: int, elsewhere: int) -> None:
+    def tick(self, elsewhere: int) -> None:
         """See `Watcher.tick`."""
         self._elsewhere = elsewhere
 

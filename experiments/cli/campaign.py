@@ -18,9 +18,9 @@ from .exit_codes import INTERRUPTED
 from .option_groups import with_options
 
 if TYPE_CHECKING:
-    from ..campaign.cell import Cell
     from ..campaign.execution import Allowance, Pool
-    from ..campaign.running import Plan, WatcherContext
+    from ..campaign.progress import LiveCampaign, PlainCampaign
+    from ..campaign.running import Plan
     from ..campaign.study_cell import StudyCell, Table
     from ..campaign.summary import Row
 
@@ -73,7 +73,7 @@ class Executors:
             _print_estimate(plan, self.workers or os.cpu_count() or 1)
             raise typer.Exit
         try:
-            rows, remarks = run_campaign(plan, self._pool(), _watcher, self._allowance)
+            rows, remarks = run_campaign(plan, self._pool(), _watcher(plan), self._allowance)
         except KeyboardInterrupt:
             say("Stopped: interrupted. The same command goes on where it was; what is finished is kept.")
             raise typer.Exit(INTERRUPTED) from None
@@ -194,7 +194,7 @@ def _check_of_run(run: str, given: list[str]) -> None:
         )
 
 
-def _watcher(plan: Plan[Cell], pool: Pool) -> WatcherContext:
+def _watcher(plan: Plan[Any]) -> LiveCampaign | PlainCampaign:
     from ..campaign.progress import LiveCampaign, PlainCampaign
 
     if sys.stderr.isatty():

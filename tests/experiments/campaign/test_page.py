@@ -35,7 +35,7 @@ FLAGS = (
 @pytest.fixture
 def finished(make_plan):
     plan = make_plan(tasks=3, summary="What <b>is</b> it worth?", exclude=[{"task": "toy-2", "scaffold": "no-memory"}])
-    run_campaign(plan, Here(), lambda plan, pool: Quiet())
+    run_campaign(plan, Here(), Quiet())
     return plan
 
 

@@ -23,7 +23,7 @@ from .conftest import Here, Quiet, noted
 @pytest.fixture
 def finished(make_plan):
     plan = make_plan()
-    run_campaign(plan, Here(), lambda plan, pool: Quiet())
+    run_campaign(plan, Here(), Quiet())
     return plan
 
 
@@ -128,7 +128,7 @@ def test_what_finished_cells_took_is_scaled_to_the_budget(make_plan, status, all
 
 def test_how_many_rounds_a_finished_cell_was_allowed_stands_in_its_journal(make_plan):
     plan = make_plan(tasks=1, scaffolds=["full"], rounds=2, warm_up=0, simulations=50)
-    run_campaign(plan, Here(), lambda plan, pool: Quiet())
+    run_campaign(plan, Here(), Quiet())
     ((known,),) = experience(plan.store).values()
     assert (known["status"], known["rounds"]) == ("rounds-spent", 2)
 
@@ -196,7 +196,7 @@ def test_a_cell_that_failed_and_is_interrupted_when_it_is_run_again_is_stopped(m
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Calibration, "run", interrupted)
-    run_campaign(plan, Here(), lambda plan, pool: Quiet())
+    run_campaign(plan, Here(), Quiet())
     (after,) = rows_of(noted(plan), plan.store)
     assert (after["state"], after["reason"]) == ("stopped", "interrupted")
 
