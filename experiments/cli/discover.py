@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 
 @with_options(shared.Reading)
+@with_options(shared.LanguageModel)
 def discover(
     context: typer.Context,
     *,
@@ -76,15 +77,7 @@ def discover(
     ] = 2,
     seed: shared.Seed = 0,
     workers: shared.SimulationWorkers = 0,
-    backend: Annotated[
-        str | None,
-        shared.language_model_option(
-            metavar="NAME", help="Language model that ranks effects too.", autocompletion=completion.backends
-        ),
-    ] = None,
-    via: shared.Via = None,
-    base_url: shared.BaseUrl = None,
-    backend_option: shared.BackendOption = None,
+    language_model: shared.LanguageModel,
     out: Annotated[
         Path | None,
         shared.output_option(metavar="FOLDER", help="Folder of the discovery; default: runs/<record>-discover-<n>."),
@@ -92,7 +85,10 @@ def discover(
     resume: shared.Resume = None,
     as_json: Annotated[bool, shared.output_option("--json", help="Print discovery.json to standard output.")] = False,
 ) -> None:
-    """Find where a model and measured records disagree, name the missing effect, add it, show the gap shrink."""
+    """Find where a model and measured records disagree, name the missing effect, add it, show the gap shrink.
+
+    A language model, if one is named, ranks effects too.
+    """
     from ..discovery_case import discover_options, reference_files
     from ..run_settings import key_values
     from ..task_request import Records
@@ -124,8 +120,8 @@ def discover(
         search=search,
         effects=effect,
         effect_options=key_values(effect_option, "--effect-option"),
-        backend=backend,
-        backend_options=shared.reaching(via, base_url, backend_option),
+        backend=language_model.backend,
+        backend_options=language_model.options(),
         reference=reference_files(reference or (), reading.readings(join)),
         max_effects=max_effects,
         seed=seed,

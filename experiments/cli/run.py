@@ -32,6 +32,7 @@ DEMO = "demo"
 
 
 @with_options(shared.Reading)
+@with_options(shared.LanguageModel, backend="rules")
 def run(
     context: typer.Context,
     task: Annotated[
@@ -140,21 +141,13 @@ def run(
             show_default=False,
         ),
     ] = True,
-    backend: Annotated[
-        str,
-        shared.language_model_option(
-            metavar="NAME", help="A preset, litellm:PROVIDER/MODEL, ...", autocompletion=completion.backends
-        ),
-    ] = "rules",
-    via: shared.Via = None,
-    base_url: shared.BaseUrl = None,
+    language_model: shared.LanguageModel,
     exchange: Annotated[
         Path | None,
         shared.language_model_option(
             metavar="FOLDER", help="Where --backend manual puts prompts and finds replies, for another program."
         ),
     ] = None,
-    backend_option: shared.BackendOption = None,
     votes: Annotated[
         int, shared.language_model_option(min=1, metavar="N", help="Merge this many independent replies a round.")
     ] = 1,
@@ -193,9 +186,7 @@ def run(
     if data and task is not None:
         raise BsaError(f'both a task ("{task}") and --data were given.', "give one of them.")
     budgets = given_budgets(rounds=rounds, warm_up=warmup, simulations=simulations, seed=seed)
-    reached = shared.reaching(
-        via, base_url, backend_option, exchange=exchange, votes=votes if votes > 1 else None, review=review or None
-    )
+    reached = language_model.options(exchange=exchange, votes=votes if votes > 1 else None, review=review or None)
     request = run_request(
         None if data else find_task(task or DEMO),
         Records(
@@ -208,7 +199,7 @@ def run(
             fit_cycles,
         ),
         CellChoice(parameters, model, key_values(options, "--options"), search, ocp, scale, start_from, effect or ()),
-        partial(run_config, scaffold, backend, reached, budgets | key_values(settings, "--set")),
+        partial(run_config, scaffold, language_model.backend or "", reached, budgets | key_values(settings, "--set")),
         weight,
         out,
     )
