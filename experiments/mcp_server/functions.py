@@ -161,7 +161,7 @@ def begun_with(folder: Path) -> tuple[Mapping[str, Any], list[str]]:
         config = first.get("config")
         return config if isinstance(config, Mapping) else {}, []  # a calibration keeps its records in the journal
     options = read_options(folder)
-    files = [str(path) for file in (*options.data, *options.holdout, *options.reference) for path in file.files]
+    files = [str(path) for file in options.files for path in file.files]
     others = [given for given in (options.parameters, options.search) if isinstance(given, str) and not is_name(given)]
     return options.model_dump(), [*files, *others]
 

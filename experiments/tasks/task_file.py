@@ -13,12 +13,11 @@ from ...core.encoding import decode_task
 from ...core.errors import BsaError
 from ...core.files import load_json
 from ...core.protocol_text import read_protocol
-from ...core.record import ReadOptions
 from ...core.shape import decoding
 from ...core.task import Task, Weight
 from ...core.validation import validated
 from ...core.yaml_text import YAML_SUFFIXES, read_yaml
-from ..file_reading import FileReading
+from ..file_reading import ReadEntry
 from .influence import without_use
 from .measured_cell import CellRequest
 from .record_request import RecordRequest
@@ -29,7 +28,7 @@ SUFFIXES = (*YAML_SUFFIXES, ".json")
 """Endings of task files."""
 
 
-class ExperimentEntry(BaseModel, extra="forbid"):
+class ExperimentEntry(ReadEntry):
     """One record and how it was made."""
 
     data: str | list[str] = Field(
@@ -53,9 +52,6 @@ class ExperimentEntry(BaseModel, extra="forbid"):
     )
     temperature_degc: float | None = Field(None, gt=-100, lt=200, description="Ambient temperature in degC.")
     initial_soc: float | None = Field(None, ge=0, le=1, description="Initial state of charge.")
-    read: ReadOptions = Field(default_factory=ReadOptions, description="What the file's header does not say.")
-    reader: str | None = Field(None, description="Reader to use; left out, the one that fits.")
-    reader_options: dict[str, Any] = Field(default_factory=dict, description="The reader's own options.")
 
     @property
     def files(self) -> list[str]:
@@ -135,10 +131,10 @@ def task_from(content: TaskFile, folder: Path) -> Task:
 
 
 def _request(entry: ExperimentEntry, folder: Path) -> RecordRequest:
-    read = entry.read
+    reading = entry.reading
     if entry.temperature_degc is not None:  # a reader need not guess it
-        read = read.model_copy(update={"ambient_c": entry.temperature_degc})
-    reading = FileReading(read, entry.reader, entry.reader_options)
+        known = entry.read.model_copy(update={"ambient_c": entry.temperature_degc})
+        reading = replace(reading, options=known)
     return RecordRequest(
         source=reading.joined([folder / name for name in entry.files]),
         reading=reading,
