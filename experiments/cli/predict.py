@@ -31,17 +31,13 @@ def predict(
 ) -> None:
     """Score records that a run did not fit, with a 95 % band of what its parameters leave open and of its misfit."""
     from ..checked_options import simulation_workers
-    from ..new_folder import new_folder
-    from ..predict import predict_records, write_scores
+    from ..predict import predicted
     from ..report.records import error_rows
-    from ..run_names import named_after, numbered_folder
     from ..task_request import Records
     from .progress import PlainProgress, note_line, printable
 
     records = Records(data, (), reading.readings(), initial_soc or ())
-    with new_folder(out or numbered_folder(run / "predictions", named_after(data))) as folder:
-        scored = predict_records(run, records.requests(), simulation_workers(workers), PlainProgress(""))
-        page = write_scores(scored, folder)
+    scored, page = predicted(run, records, out, simulation_workers(workers), PlainProgress(""))
     if as_json:
         print(json.dumps(scored.to_json(), indent=2))
         return
