@@ -12,12 +12,12 @@ from typing import Any
 
 from markupsafe import Markup
 
-from ...core.contracts.reply_parsing import strip_control
 from ...core.errors import BsaError
 from ...core.files import write_text
+from ...core.printable import one_line
 from ..report.page import build_report, check_page
 from ..report.templates import template
-from ..report.wording import clipped, quantity, short_name
+from ..report.wording import quantity, short_name
 from ..run_record import Round, read_run
 from .columns import COLUMNS
 from .figures import draw_all
@@ -125,7 +125,7 @@ def _run_record(folder: Path) -> dict[str, Any]:
             ]
             for parameter in run.task.space
         ],
-        "notes": [_words(note, 200) for note in run.notes[:5]],
+        "notes": [one_line(note, 200) for note in run.notes[:5]],
     }
 
 
@@ -134,16 +134,12 @@ def _round(item: Round) -> dict[str, Any]:
     return {
         "phase": item.phase,
         "number": item.number,
-        "words": _words(f"lost: {item.lost}" if item.lost else item.hypothesis or item.rationale or item.action, 280),
-        "updates": _words(", ".join(f"{short_name(name)} {value}" for name, value in item.updates.items()), 280),
+        "words": one_line(f"lost: {item.lost}" if item.lost else item.hypothesis or item.rationale or item.action, 280),
+        "updates": one_line(", ".join(f"{short_name(name)} {value}" for name, value in item.updates.items()), 280),
         "simulations": len(item.trials),
         "best": None if best is None or not best.ok else _rounded(best.objective),
         "improved": item.improved,
     }
-
-
-def _words(text: str, most: int) -> str:
-    return clipped(" ".join(strip_control(text).split()), most)
 
 
 def _rounded(value: float) -> float:

@@ -1,6 +1,5 @@
 """Tables of a campaign in the paper's form, as Markdown and LaTeX: mean ± std, best bold, second underlined."""
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +9,7 @@ from ...core.comparison.signal_metrics import MISFIT
 from ...core.errors import unknown
 from ...core.files import begins, entries, foreign, write_text
 from ...core.printable import counted
-from ..report.wording import NOTHING
+from ..report.wording import number
 from .columns import COLUMNS
 from .results import grid_folder, read_manifest, rows_of, store_of, write_rows
 from .statistics import Comparison, compare
@@ -178,7 +177,7 @@ def markdown(campaign: Campaign) -> str:
             "cases, bootstrap 95 % interval; Wilcoxon signed-rank, Holm-corrected)"
         )
         parts.append(f"{title}\n\n{table_of(campaign.comparisons, _COMPARED)}")
-    spent = [[method, *(_digits(value) for value in values)] for method, values in effort(campaign.rows).items()]
+    spent = [[method, *map(number, values)] for method, values in effort(campaign.rows).items()]
     parts.append(f"**effort, mean a cell**\n\n{markdown_table(['method', *EFFORT.values()], spent)}")
     return "\n\n".join(parts) + "\n"
 
@@ -238,7 +237,3 @@ def effort(rows: Sequence[Row]) -> dict[str, list[float]]:
     """Means of `EFFORT` by method, finished cells only; of cells that know it, as a price, and NaN where none does."""
     done = [row for row in rows if row["state"] == "done"]
     return {method: [mean_of(mine, name) for name in EFFORT] for method, mine in grouped(done, "method").items()}
-
-
-def _digits(value: float) -> str:
-    return NOTHING if math.isnan(value) else f"{value:.4g}"

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ...core.errors import BsaError
+from ...core.printable import one_line
 from . import completion
 from . import shared_options as shared
 from .exit_codes import STOPPED
 from .option_groups import with_options
-from .progress import printable
 from .resumable import resumable
 
 if TYPE_CHECKING:
@@ -140,7 +140,7 @@ def _carry_out(asked: DiscoverOptions, workers: int, as_json: bool) -> None:
         with resumable(asked.out, go_on):
             found = find(asked, _Said(f"discovery → {asked.out}"), simulation_workers(workers))
     except (KeyboardInterrupt, Outage) as stopped:
-        why = "interrupted" if isinstance(stopped, KeyboardInterrupt) else printable(str(stopped), 400)
+        why = "interrupted" if isinstance(stopped, KeyboardInterrupt) else one_line(str(stopped), 400)
         print(f"Stopped: {why}. Go on with: {go_on}", file=sys.stderr)
         raise typer.Exit(STOPPED["interrupted" if isinstance(stopped, KeyboardInterrupt) else "outage"]) from None
     if as_json:
@@ -149,8 +149,8 @@ def _carry_out(asked: DiscoverOptions, workers: int, as_json: bool) -> None:
     print(f"verdict: {found.verdict}")
     print(f"  {found.headline}")
     for line in found_lines(found):
-        print(f"  {printable(line, 300)}")
-    print(f"  {printable(found.findings.reason, 1500)}")
+        print(f"  {one_line(line, 300)}")
+    print(f"  {one_line(found.findings.reason, 1500)}")
     print(f"  report: {asked.out / 'report.html'}")
 
 
@@ -163,4 +163,4 @@ class _Said:
     def __call__(self, text: str) -> None:
         title, self._title = self._title, ""
         for line in (title, text) if title else (text,):
-            print(printable(line, 1500), file=sys.stderr, flush=True)
+            print(one_line(line, 1500), file=sys.stderr, flush=True)

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from ...core.printable import one_line
 from . import shared_options as shared
 from .option_groups import with_options
 
@@ -34,7 +35,7 @@ def predict(
     from ..predict import predicted
     from ..report.records import error_rows
     from ..task_request import Records
-    from .progress import PlainProgress, note_line, printable
+    from .progress import PlainProgress, note_line
 
     records = Records(data, (), reading.readings(), initial_soc or ())
     scored, page = predicted(run, records, out, simulation_workers(workers), PlainProgress(""))
@@ -47,5 +48,5 @@ def predict(
         find_out = f"to find out: bsa-run --resume {shlex.quote(str(run))}"
         print(f"note: no 95 % band: the run has not looked for what its record fixes; {find_out}", file=sys.stderr)
     for row in error_rows(scored.run.task, scored.run.records, scored.predictions):
-        print(f"  {printable(row.line, 600)}")
+        print(f"  {one_line(row.line, 600)}")
     print(f"  report: {page}")

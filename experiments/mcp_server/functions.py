@@ -1,6 +1,5 @@
 """What the tools do, as JSON in and out; what simulates runs in a process of its own."""
 
-import json
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -11,11 +10,11 @@ from typing import Any
 from scipy.constants import zero_Celsius
 
 from ...core.contracts.registry import installed
-from ...core.errors import BsaError, unknown
+from ...core.errors import unknown
+from ...core.files import load_json
 from ...core.hooks import RunContext
 from ...core.metrics import errors_of, evaluate
 from ...core.parameters import Candidate
-from ...core.printable import shown
 from ...core.proposal import apply_change
 from ...core.reading.summary import summary
 from ...core.run.budget import with_budget
@@ -136,10 +135,7 @@ def report(folder: Path) -> Json:
     found = folder / DISCOVERY_RESULT
     if not found.is_file():
         return _calibrated(CalibrationResult.of(folder))
-    try:
-        content: Json = json.loads(found.read_text(encoding="utf-8"))
-    except ValueError:
-        raise BsaError(f"{shown(found, 200)} is not valid JSON.", "discover again, into another folder.") from None
+    content: Json = load_json(found, "discover again, into another folder.")
     return {**content, "folder": str(folder), "report": str(folder / REPORT)}
 
 
