@@ -56,7 +56,7 @@ def check_backend(spec: str, options: Given | None = None, registry: Registry | 
     registry.configure("backend", name, own)
 
 
-def look_before(spec: str, options: Given | None = None, registry: Registry | None = None) -> str:
+def look_before(spec: str, options: Given | None = None) -> str:
     """Look for a second at most whether a model can be asked; a note where that is not certain, else nothing.
 
     Presets were looked at when they were opened, and what is no route is always there. Raises `BsaError` if nothing is
@@ -64,7 +64,7 @@ def look_before(spec: str, options: Given | None = None, registry: Registry | No
     """
     from .looking import forget_looks
 
-    registry = registry or installed()
+    registry = installed()
     name, own, _ = _parted(spec, options, registry)
     if name not in registry.names("route") or own.get("model") is None:
         return ""
