@@ -20,7 +20,7 @@ from ...core.trajectory import FloatArray, StepKind, Trajectory
 from ...core.trial import Trial
 from ...plugins.feedback.ageing import told_cycles
 from ..run_record import RunRecord
-from .chart import Chart, Key, Marker, Panel, horizontal, limits_around
+from .chart import Chart, Key, Marker, Panel, horizontal, limits_around, residual_limit
 from .nyquist import nyquist
 from .records import errors_words
 from .wording import number, time_unit, unit
@@ -270,7 +270,8 @@ def _draw(
         for curve, found in values.items():
             panel.draw(curve.time / scale, found, curve.style)
         if focus is not None and not driven:
-            size = _residual_size(focus.residual(measured, signal)[1], signal)
+            least = _LEAST_RESIDUAL * signal.tolerance * signal.shown_scale
+            size = residual_limit([focus.residual(measured, signal)[1]], least)
             panel = chart.panel(f"Residual / {unit(signal.shown)}", (-size, size), _RESIDUAL_HEIGHT)
             panel.shows_zero = True
             for curve in simulated:
@@ -278,12 +279,6 @@ def _draw(
                 panel.draw(time / scale, residual, curve.style)
             residuals.append((panel, signal))
     return residuals
-
-
-def _residual_size(values: FloatArray, signal: Signal) -> float:
-    # Where a step ends a little early the residual is a spike: the scale serves what lies between.
-    size = 1.4 * float(np.percentile(np.abs(values), 97)) if len(values) else 1.0
-    return max(size, _LEAST_RESIDUAL * signal.tolerance * signal.shown_scale)
 
 
 def _remarks(
