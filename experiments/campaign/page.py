@@ -15,6 +15,7 @@ from markupsafe import Markup
 from ...core.errors import BsaError
 from ...core.files import write_text
 from ...core.printable import one_line
+from ..report.page import FILE_NAME as REPORT
 from ..report.page import build_report, check_page
 from ..report.templates import template
 from ..report.wording import quantity, short_name
@@ -23,7 +24,7 @@ from .columns import COLUMNS
 from .figures import draw_all
 from .store import Store
 from .summary import Row
-from .tables import EFFORT, RESULTS, effort, label_of, open_campaign
+from .tables import EFFORT, effort, label_of, open_campaign
 
 FILE_NAME = "index.html"
 
@@ -43,7 +44,7 @@ _CAPTIONS = {
 
 
 def build_page(
-    grid: str | Path, store: Path = RESULTS, out: Path | None = None, full: bool = False, metric: str = "mape"
+    grid: str | Path, store: Path, out: Path | None = None, full: bool = False, metric: str = "mape"
 ) -> Path:
     """Write the page of a campaign: ``bsa report GRID``.
 
@@ -104,8 +105,8 @@ def _runs(rows: Sequence[Row], store: Store, here: Path) -> dict[str, Any]:
         content: dict[str, Any] = {}
         with suppress(BsaError):  # a run without a single simulation tells nothing, and a discovery has no rounds
             content = _run_record(folder) if embed else {}
-        if (folder / "report.html").is_file():
-            content["report"] = Path(os.path.relpath(folder / "report.html", here)).as_posix()
+        if (folder / REPORT).is_file():
+            content["report"] = Path(os.path.relpath(folder / REPORT, here)).as_posix()
         if content:
             runs[row["identity"]] = content
     return runs

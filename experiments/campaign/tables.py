@@ -26,8 +26,6 @@ OF_NO_CELL = {"objective": f"{MISFIT.label}, {MISFIT.unit}"}
 EFFORT = {column.name: column.effort for column in COLUMNS if column.effort}
 """What a run spends, by column."""
 
-RESULTS = Path("results")
-
 
 @dataclass(frozen=True)
 class Block:
@@ -82,7 +80,7 @@ class Campaign:
         return [block for name in shown_metrics(self.rows) for block in blocks(self.rows, name, quoting)]
 
 
-def open_campaign(grid: str | Path, store: Path = RESULTS, metric: str = "mape") -> Campaign:
+def open_campaign(grid: str | Path, store: Path, metric: str = "mape") -> Campaign:
     """A campaign that was run.
 
     ``metric`` is the error that is compared and drawn, if its tasks have it. Raises `BsaError` if it has not been run
@@ -97,7 +95,7 @@ def open_campaign(grid: str | Path, store: Path = RESULTS, metric: str = "mape")
     return Campaign(manifest["grid"], manifest["methods"], rows, place, folder, compared_metric(rows, metric))
 
 
-def tables(grid: str | Path, store: Path = RESULTS, out: Path | None = None, metric: str = "mape") -> list[Path]:
+def tables(grid: str | Path, store: Path, out: Path | None = None, metric: str = "mape") -> list[Path]:
     """Write the tables and figures of a campaign: ``bsa bench tables``.
 
     They go to the campaign's folder by default, and show all of `shown_metrics`. Gives what was written: ``cells.csv``,

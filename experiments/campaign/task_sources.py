@@ -62,11 +62,11 @@ def _own(name: str, store: Store, near: Path) -> TaskLabel:
 
 def _read(name: str, near: Path) -> Task:
     from ..tasks.find import find_task
-    from ..tasks.task_file import SUFFIXES
+    from ..tasks.task_file import is_task_file
 
     path = Path(name)
     beside = near / path
-    return find_task(str(beside if path.suffix in SUFFIXES and beside.is_file() else path))
+    return find_task(str(beside if is_task_file(path) and beside.is_file() else path))
 
 
 def _from_suite(wanted: SuiteFilter, store: Store, say: Say, make: bool) -> Iterator[TaskLabel]:

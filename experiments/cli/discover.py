@@ -134,6 +134,7 @@ def _carry_out(asked: DiscoverOptions, workers: int, as_json: bool) -> None:
     from ..checked_options import simulation_workers
     from ..discover import discover as find
     from ..report.discovery_lines import found_lines
+    from ..report.page import FILE_NAME as REPORT
 
     go_on = f"bsa discover --resume {shlex.quote(str(asked.out))}"
     try:
@@ -151,7 +152,7 @@ def _carry_out(asked: DiscoverOptions, workers: int, as_json: bool) -> None:
     for line in found_lines(found):
         print(f"  {one_line(line, 300)}")
     print(f"  {one_line(found.findings.reason, 1500)}")
-    print(f"  report: {asked.out / 'report.html'}")
+    print(f"  report: {asked.out / REPORT}")
 
 
 class _Said:

@@ -317,6 +317,7 @@ def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterabl
     from ...core.comparison.signal_metrics import MISFIT
     from ...core.metrics import headline_of, objective_of
     from ..report.forecast_line import forecast_line
+    from ..report.page import FILE_NAME as REPORT
     from ..report.post_fit import (
         best_score_line,
         caution_line,
@@ -362,4 +363,4 @@ def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterabl
         print(f"  {one_line(left_out, 600)}")
     for line in further:
         print(f"  {line}")
-    print(f"  report: {folder / 'report.html'}")
+    print(f"  report: {folder / REPORT}")

@@ -24,8 +24,12 @@ from .record_request import RecordRequest
 from .records import build_task
 from .signal_task_file import load_signal_task
 
-SUFFIXES = (*YAML_SUFFIXES, ".json")
-"""Endings of task files."""
+_SUFFIXES = (*YAML_SUFFIXES, ".json")
+
+
+def is_task_file(path: Path | str) -> bool:
+    """Whether a file is called as task files are, in letters of any size."""
+    return Path(path).suffix.lower() in _SUFFIXES
 
 
 class ExperimentEntry(ReadEntry):
@@ -98,10 +102,11 @@ def load_task_file(path: Path) -> Task:
 
     Raises `BsaError` naming the file, the key and the nearest valid key.
     """
-    found = load_json(path, "check it there.") if path.suffix == ".json" else read_yaml(path)
+    is_json = path.suffix.lower() == ".json"
+    found = load_json(path, "check it there.") if is_json else read_yaml(path)
     if isinstance(found, dict) and "simulator" in found and "space" not in found:
         return load_signal_task(found, path)
-    if isinstance(found, dict) and path.suffix == ".json" and "space" in found:
+    if isinstance(found, dict) and is_json and "space" in found:
         return _encoded(found, path)
     content = validated(TaskFile, found, str(path))
     try:
