@@ -4,10 +4,16 @@ import csv
 import json
 import math
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from bsa.core.contracts.registry import Registry
 from bsa.core.errors import BsaError
+from bsa.core.hooks import Entry, hookimpl
+from bsa.core.scaffold import PluginChoice
+from bsa.experiments.campaign import estimate as estimates
 from bsa.experiments.campaign.calibration import Calibration
 from bsa.experiments.campaign.estimate import estimate, experience, need_of
 from bsa.experiments.campaign.figures import _medians, pareto
@@ -101,6 +107,18 @@ def test_dry_run_learns_from_finished_cells(finished, make_plan):
     priced = make_plan(store="fresh", backends=[{"use": "litellm:some/model", "usd_per_million_tokens": 2.0}])
     (need, _) = estimate(priced.cells, priced.store).values()
     assert need.cost_usd == pytest.approx(need.tokens * 2e-6)
+
+
+@pytest.mark.parametrize("asks", [True, False])
+def test_a_proposer_of_a_plugin_says_whether_it_asks_the_model(make_plan, monkeypatch, asks):
+    entry = Entry("zz-asker", lambda options, context: None, "Asks.", api=1, asks_model=asks)
+    registry = Registry()
+    registry.register(SimpleNamespace(bsa_proposers=hookimpl(lambda: [entry])), "zz", "zz-asks 0.1")
+    (cell,) = make_plan(tasks=1, scaffolds=["full"], backends=["litellm:some/model"]).cells
+    scaffold = cell.config.scaffold.model_copy(update={"proposer": PluginChoice(use="zz-asker")})
+    monkeypatch.setattr(estimates, "installed", registry.collect)
+    need = need_of(replace(cell, config=cell.config.model_copy(update={"scaffold": scaffold})), {})
+    assert (need.calls > 0, need.tokens > 0) == (asks, asks)
 
 
 @pytest.mark.parametrize(
