@@ -196,7 +196,7 @@ class Run:
             if uncounted or proposal.advancing or self.lowest.objective < reference * (1.0 - _IMPROVEMENT):
                 stalled, reference = 0, self.lowest.objective
             elif not (unheard and proposal.lost):
-                # A round in which the model had no say tells nothing of whether the search still gets on.
+                # A round in which the model had no say tells nothing of whether the search still improves.
                 stalled += 1
             if stalled >= self._config.patience:
                 return "converged"
