@@ -27,6 +27,9 @@ from .wording import number, time_unit, unit
 
 _DRIVEN_HEIGHT, _OBSERVED_HEIGHT, _RESIDUAL_HEIGHT, _CONVERGENCE_HEIGHT = 96.0, 210.0, 110.0, 250.0
 
+_LONGEST = 1.5
+"""Times a record's length up to which a simulation that ends later is drawn: a longer axis would squeeze the record."""
+
 _ROOM_ABOVE = 2.2
 """Times the largest objective at which its axis ends."""
 
@@ -207,7 +210,7 @@ def _overlay(run: RunRecord, place: int, experiment: Experiment) -> Overlay:
     fit = _scored(run, experiment)
     if experiment.is_spectrum:
         return _spectrum(experiment.name, f"overlay-{place}", fit, [measured, *simulated], keys)
-    longest = max([measured.time[-1], *(min(curve.time[-1], 1.5 * measured.time[-1]) for curve in simulated)])
+    longest = max([measured.time[-1], *(min(curve.time[-1], _LONGEST * measured.time[-1]) for curve in simulated)])
     names = [signal.words for signal in _shown(run.task, measured)]
     title = f"{', '.join(names).capitalize()} and residuals over time"
     chart, scale = _over_time(f"overlay-{place}", experiment, title, float(longest))
