@@ -55,7 +55,7 @@ class RecordFile(ReadEntry):
 class Uncertainty(BaseModel, extra="forbid"):
     """How far one factor may be off."""
 
-    spread: float = Field(gt=0, description="Standard deviation of its logarithm that is believed.")
+    spread: float = Field(gt=0, description="Prior standard deviation of its logarithm.")
     lower: float = Field(gt=0, lt=1, description="Lower bound.")
     upper: float = Field(gt=1, description="Upper bound.")
 

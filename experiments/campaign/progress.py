@@ -110,7 +110,7 @@ def named(cell: Cell) -> str:
 
 
 class PlainCampaign(_Counting):
-    """A line for every cell; where they come thick and fast, a line every few seconds.
+    """A line for every cell; where cells end within 5 s of each other, a line every 5 s.
 
     Written to standard error by default.
     """

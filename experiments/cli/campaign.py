@@ -265,7 +265,7 @@ def finish(rows: list[Row]) -> None:
             them = "it" if len(left) == 1 else "them"
             again = f"goes on with {them}" if state == "stopped" else f"runs {them} again"
             end = "" if reason.endswith(".") else "."
-            # A cell whose task could not be made has no identity: first its cause is to be mended.
+            # A cell whose task could not be made has no identity: first its cause is to be resolved.
             what_next = f" The same command {again}." if any(row["identity"] for row in left) else ""
             say(f"{counted(len(left), 'cell')} {state}{reason}{end}{what_next}")
     if any(row["state"] != "done" for row in rows):
