@@ -1,4 +1,4 @@
-"""Advice that deserves no trust, for the no-harm study: random answers, and hostile ones.
+"""Random and adversarial advice, for the no-harm study.
 
 Both read the schema alone, never the task, so they serve any proposer that asks for changes or actions.
 """

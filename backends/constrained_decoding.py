@@ -7,6 +7,7 @@ from typing import Any
 from ..core.messages import ALTERNATIVES, JsonSchema
 from .loaded_model import LoadedModel
 
+# Where a schema sets no limit of its own: strings and lists leave no room to ramble.
 _MAX_STRING_CHARS = 1200
 _MAX_ITEMS = 32
 # A changed value and its punctuation, in tokens of one character.

@@ -13,24 +13,19 @@ import httpx
 
 from ..core.errors import BsaError
 from ..core.messages import Message, StructuredBy, Usage
-from ..core.redaction import redact
 from .addresses import shown
 from .api_keys import OWN_SERVER_KEY, has_key, key_remedy, key_variables, provider_of
 from .bounded_http import BoundedTransport, OwnServerTransport
 from .images import data_urls
-from .options import BackendOptions
+from .options import REPLY_TOKENS, REPLY_TOKENS_REASONING, BackendOptions
 from .prompt_fitting import ContextTooSmallError
-from .reaching import connection_failure
+from .reaching import connection_failure, in_short
 from .retrying import TransientError, retry_after
 from .route import NotReady, Route
 from .served import Answer, Request, ServedBackend
 from .strict_schema import strict, without_nulls
 from .structured_output import FormRefusedError
 from .tool_calls import as_object, tools
-
-_REPLY_TOKENS = 4096
-_REPLY_TOKENS_REASONING = 32768
-_REASON_CHARS = 300
 
 
 class LiteLLMRoute(Route):
@@ -142,9 +137,8 @@ class LiteLLMBackend(ServedBackend):
             raise self._translated(error) from None
 
     def _arguments(self, request: Request) -> dict[str, Any]:
-        reply_tokens = self.options.max_reply_tokens
-        if reply_tokens is None:
-            reply_tokens = _REPLY_TOKENS_REASONING if self._reasons else _REPLY_TOKENS
+        usual = REPLY_TOKENS_REASONING if self._reasons else REPLY_TOKENS
+        reply_tokens = self.options.max_reply_tokens or usual
         arguments: dict[str, Any] = {
             "model": self._model,
             "messages": [_as_openai(message) for message in request.messages],
@@ -218,7 +212,7 @@ class LiteLLMBackend(ServedBackend):
     def _translated(self, error: Exception) -> Exception:
         litellm = self._litellm
         status = getattr(error, "status_code", None)
-        reason = redact(f"{type(error).__name__}: {' '.join(str(error).split())}")[:_REASON_CHARS]
+        reason = in_short(error)
         where = shown(self._base_url) if self._base_url else self._provider
         failure = connection_failure(error)
         if failure is not None:

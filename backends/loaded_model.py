@@ -192,8 +192,6 @@ def _arguments(name: str, config: Any, quantisation: Quantisation) -> dict[str, 
 
 
 def _wants_four_bits(name: str, quantisation: Quantisation, device: str) -> bool:
-    import torch
-
     if quantisation == "none":
         return False
     available = device == "cuda" and find_spec("bitsandbytes") is not None
@@ -203,8 +201,7 @@ def _wants_four_bits(name: str, quantisation: Quantisation, device: str) -> bool
         return True
     if not available:
         return False
-    memory = sum(torch.cuda.mem_get_info(index)[0] for index in range(torch.cuda.device_count()))
-    return bool(weight_bytes(name) * _HEADROOM > memory)
+    return weight_bytes(name) * _HEADROOM > GpuMemory.now().free
 
 
 def _free_memory_bytes() -> float:

@@ -9,7 +9,7 @@ from typing import Any, TextIO
 
 from filelock import FileLock
 
-from ..core.contracts.reply_parsing import MAX_REPLY_CHARS, strip_control
+from ..core.contracts.reply_parsing import MAX_REPLY_CHARS
 from ..core.errors import BsaError
 from ..core.files import file_error, write_json
 from ..core.messages import (
@@ -22,6 +22,7 @@ from ..core.messages import (
     Usage,
     without_alternatives,
 )
+from ..core.printable import one_line, strip_control
 
 _POLL_S = 0.2
 _END_MARK = "."
@@ -117,7 +118,7 @@ class ExchangeBackend:
 
     def _tell(self, messages: Sequence[Message], number: int) -> None:
         said = messages[-1].text if messages else ""
-        refused = f"{' '.join(strip_control(said).split())} " if said.startswith(UNUSABLE) else ""
+        refused = f"{one_line(said, 1500)} " if said.startswith(UNUSABLE) else ""
         reply = self._folder / f"reply-{number:03d}.txt"
         line = f"note: {refused}Waiting for {reply}, the reply to prompt-{number:03d}.json."
         print(line, file=self._target or sys.stderr, flush=True)

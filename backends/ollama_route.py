@@ -10,26 +10,23 @@ from typing import Any
 
 from ..core.errors import BsaError
 from ..core.messages import Message, Usage
-from ..core.redaction import redact
 from .addresses import ollama_address, shown
 from .api_keys import OLLAMA_KEY, OWN_SERVER_KEY, ollama_server_key
 from .bounded_http import OwnServerTransport
 from .looking import look
-from .options import BackendOptions
+from .options import REPLY_TOKENS, BackendOptions
 from .prompt_fitting import ContextTooSmallError
-from .reaching import connection_failure
+from .reaching import connection_failure, in_short
 from .retrying import TransientError, UnreachableError
 from .route import NotReady, Route
 from .served import Answer, Request, ServedBackend
 from .structured_output import FormRefusedError
 
-_REPLY_TOKENS = 4096
 _CONTEXT_STEP = 4096
 # English and JSON take about four characters a token; numbers take fewer.
 _CHARS_PER_TOKEN = 2.5
 _TOKENS_PER_IMAGE = 1500
 _LOOK_UP_TIMEOUT_S = 10.0
-_REASON_CHARS = 300
 
 
 class OllamaRoute(Route):
@@ -93,7 +90,7 @@ class OllamaBackend(ServedBackend):
         return list(found.capabilities or ()), context
 
     def _unusable(self, error: Exception) -> BsaError:
-        reason = redact(" ".join(str(error).split()))[:_REASON_CHARS]
+        reason = in_short(error)
         if isinstance(error, self._ollama.ResponseError) and error.status_code == 404:
             return BsaError(f'Ollama does not hold the model "{self._model}".', f"ollama pull {self._model}")
         failure = connection_failure(error)
@@ -105,7 +102,7 @@ class OllamaBackend(ServedBackend):
 
     def ask(self, request: Request, notes: list[str]) -> Answer:
         """See `ServedBackend.ask`."""
-        reply_tokens = self.options.max_reply_tokens or _REPLY_TOKENS
+        reply_tokens = self.options.max_reply_tokens or REPLY_TOKENS
         options: dict[str, Any] = {
             "seed": request.seed,
             "num_predict": reply_tokens,
@@ -152,7 +149,7 @@ class OllamaBackend(ServedBackend):
         return self._context_tokens
 
     def _translated(self, error: Exception) -> Exception:
-        reason = redact(f"{type(error).__name__}: {' '.join(str(error).split())}")[:_REASON_CHARS]
+        reason = in_short(error)
         status = getattr(error, "status_code", None)
         if status == 404:
             return self._unusable(error)

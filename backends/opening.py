@@ -15,11 +15,8 @@ from .presets import Preset, load_presets
 _WRAPPERS = {"votes", "review"}
 """Options that stand around any backend and are none of its own."""
 
-Given = Mapping[str, Any] | BackendOptions
-"""Options of a backend, as written; as `BackendOptions` where it is one of ours."""
 
-
-def open_backend(spec: str, options: Given | None = None, registry: Registry | None = None) -> Backend:
+def open_backend(spec: str, options: Mapping[str, Any] | None = None, registry: Registry | None = None) -> Backend:
     """Open a language model.
 
     ``spec`` is ``NAME`` or ``NAME:MODEL``: a preset (``qwen2.5-14b``), a route and its model (``litellm:openai/o3``,
@@ -49,14 +46,14 @@ def open_backend(spec: str, options: Given | None = None, registry: Registry | N
     return backend
 
 
-def check_backend(spec: str, options: Given | None = None, registry: Registry | None = None) -> None:
+def check_backend(spec: str, options: Mapping[str, Any] | None = None, registry: Registry | None = None) -> None:
     """Whether there is such a backend and it takes these options, without opening it; as in `open_backend`."""
     registry = registry or installed()
     name, own, _ = _parted(spec, options, registry)
     registry.configure("backend", name, own)
 
 
-def look_before(spec: str, options: Given | None = None, registry: Registry | None = None) -> str:
+def look_before(spec: str, options: Mapping[str, Any] | None = None) -> str:
     """Look for a second at most whether a model can be asked; a note where that is not certain, else nothing.
 
     Presets were looked at when they were opened, and what is no route is always there. Raises `BsaError` if nothing is
@@ -64,7 +61,7 @@ def look_before(spec: str, options: Given | None = None, registry: Registry | No
     """
     from .looking import forget_looks
 
-    registry = registry or installed()
+    registry = installed()
     name, own, _ = _parted(spec, options, registry)
     if name not in registry.names("route") or own.get("model") is None:
         return ""
@@ -100,7 +97,9 @@ def ready_backend(spec: str, options: Mapping[str, Any], begun: bool) -> tuple[B
         raise
 
 
-def _parted(spec: str, options: Given | None, registry: Registry) -> tuple[str, dict[str, Any], BackendOptions]:
+def _parted(
+    spec: str, options: Mapping[str, Any] | None, registry: Registry
+) -> tuple[str, dict[str, Any], BackendOptions]:
     """The backend's name, its own options, and those that go around it."""
     name, colon, model = spec.partition(":")
     if colon and not model:
@@ -110,8 +109,7 @@ def _parted(spec: str, options: Given | None, registry: Registry) -> tuple[str, 
     except BsaError as error:
         hint = f"{error.hint} litellm:PROVIDER/MODEL takes any model that litellm knows."
         raise BsaError(error.message, hint) from None
-    said = options.model_dump(exclude_unset=True) if isinstance(options, BackendOptions) else dict(options or {})
-    given = {**said, "model": model} if model else said
+    given = {**(options or {}), "model": model} if model else dict(options or {})
     around = validated(
         BackendOptions, {key: value for key, value in given.items() if key in _WRAPPERS}, "backend options"
     )

@@ -6,6 +6,9 @@ from urllib.parse import urlsplit
 
 from pydantic import BaseModel, Field, field_validator
 
+REPLY_TOKENS, REPLY_TOKENS_REASONING = 4096, 32768
+"""Longest reply where none is set, and that of a hosted model that reasons, whose thoughts count."""
+
 
 class BackendOptions(BaseModel, extra="forbid", frozen=True):
     """Options of a backend. They are written to the journal, so none of them may hold a key."""
@@ -19,7 +22,10 @@ class BackendOptions(BaseModel, extra="forbid", frozen=True):
         None, ge=0.0, le=2.0, description="Sampling temperature; the model's own if unset."
     )
     max_reply_tokens: int | None = Field(
-        None, ge=16, description="Longest reply in tokens; 4096 if unset, 32768 for hosted models that reason."
+        None,
+        ge=16,
+        description=f"Longest reply in tokens; {REPLY_TOKENS} if unset, {REPLY_TOKENS_REASONING} for hosted models that "
+        "reason.",
     )
     reasoning_effort: Literal["low", "medium", "high"] | None = Field(
         None, description="How long a reasoning model may think; the model's own if unset."

@@ -11,18 +11,18 @@ class ContextTooSmallError(Exception):
     """The prompt does not fit into the model's context."""
 
 
-def drop_memory(messages: Sequence[Message]) -> tuple[list[Message], str] | None:
-    """Drop the first section headed `MEMORY`, which is the oldest or least important.
+def drop_memory(messages: Sequence[Message], notes: list[str]) -> list[Message]:
+    """The conversation without its first section headed `MEMORY`, the oldest or least important, which is noted.
 
-    Returns the shorter conversation and the heading dropped; None if nothing may be dropped.
+    Raises `ContextTooSmallError` if there is none left to drop.
     """
-    messages = list(messages)
     for place, message in enumerate(messages):
         found = without_first_memory(message.text)
         if found is not None:
             shorter, heading = found
-            return [*messages[:place], replace(message, text=shorter), *messages[place + 1 :]], heading
-    return None
+            notes.append(f'the section "{heading}" was left out: the context is too small')
+            return [*messages[:place], replace(message, text=shorter), *messages[place + 1 :]]
+    raise ContextTooSmallError
 
 
 def fit(messages: Sequence[Message], fits: Callable[[Sequence[Message]], bool], notes: list[str]) -> list[Message]:
@@ -32,9 +32,5 @@ def fit(messages: Sequence[Message], fits: Callable[[Sequence[Message]], bool], 
     """
     messages = list(messages)
     while not fits(messages):
-        shorter = drop_memory(messages)
-        if shorter is None:
-            raise ContextTooSmallError
-        messages, heading = shorter
-        notes.append(f'the section "{heading}" was left out: the context is too small')
+        messages = drop_memory(messages, notes)
     return messages

@@ -102,3 +102,8 @@ def _causes(error: BaseException) -> list[BaseException]:
         found.append(at)
         at = at.__cause__ or at.__context__
     return found[::-1]
+
+
+def in_short(error: Exception) -> str:
+    """What a client library says went wrong: on one line, without keys, and not all of a page that a server sent."""
+    return redact(f"{type(error).__name__}: {' '.join(str(error).split())}")[:300]

@@ -21,10 +21,9 @@ class Readiness:
     made_ready_by_opening: bool = False  # Whether opening it does the same.
 
 
-def survey(options: BackendOptions | None = None) -> list[Readiness]:
+def survey() -> list[Readiness]:
     """Every preset by every route, for ``bsa doctor``. Costs a second at most where no server listens."""
-    options = options or BackendOptions()
-    return [found for preset in load_presets().values() for found in check_preset(preset, options)]
+    return [found for preset in load_presets().values() for found in check_preset(preset, BackendOptions())]
 
 
 def check_preset(preset: Preset, options: BackendOptions) -> list[Readiness]:

@@ -3,7 +3,6 @@
 import random
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from typing import TypeVar
@@ -50,23 +49,23 @@ class UnreachableError(TransientError):
         self.refused = refused
 
 
-@dataclass(frozen=True)
-class Patience:
-    """How long a call may take."""
-
-    timeout_s: float  # Longest wait for one attempt.
-    limit_s: float  # No further attempt begins, or lasts, later than this after the first began.
-
-
 class Persistence:
     """Attempts a call until it works; one for each reply, however many forms its request takes.
 
-    The limits of ``patience`` are counted from now; ``notes`` get every further attempt, and ``jitter`` spreads the
-    waits, so that many runs do not come back at the same moment.
+    Parameters
+    ----------
+    timeout_s : float
+        Longest wait for one attempt, s.
+    limit_s : float
+        No further attempt begins, or lasts, later than this from now, s.
+    notes : list of str
+        Gets every further attempt.
+    jitter : random.Random
+        Spreads the waits, so that many runs do not come back at the same moment.
     """
 
-    def __init__(self, patience: Patience, notes: list[str], jitter: random.Random) -> None:
-        self._patience = patience
+    def __init__(self, timeout_s: float, limit_s: float, notes: list[str], jitter: random.Random) -> None:
+        self._timeout_s, self._limit_s = timeout_s, limit_s
         self._notes = notes
         self._jitter = jitter
         self._started = time.monotonic()
@@ -74,7 +73,7 @@ class Persistence:
 
     @property
     def _left_s(self) -> float:
-        return self._patience.limit_s - (time.monotonic() - self._started)
+        return self._limit_s - (time.monotonic() - self._started)
 
     def call(self, attempt: Callable[[float], T]) -> T:
         """Attempt until it works.
@@ -84,7 +83,7 @@ class Persistence:
         """
         for number in range(1, _MAX_ATTEMPTS + 1):
             # The first attempt is not cut short by the limit, which is on trying again.
-            allowed = self._patience.timeout_s if self._attempts == 0 else min(self._patience.timeout_s, self._left_s)
+            allowed = self._timeout_s if self._attempts == 0 else min(self._timeout_s, self._left_s)
             if allowed <= 0:
                 raise self._failure("the time is up")
             self._attempts += 1
@@ -109,7 +108,7 @@ class Persistence:
         tries = counted(self._attempts, "attempt")
         if issubclass(after, UnreachableError):
             return BackendUnreachable(f"not reached in {tries}: {reason}")
-        return BackendFailure(f"no reply after {tries}, {self._patience.limit_s:g} s allowed: {reason}")
+        return BackendFailure(f"no reply after {tries}, {self._limit_s:g} s allowed: {reason}")
 
 
 def retry_after(headers: Mapping[str, str] | None) -> float | None:

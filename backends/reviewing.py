@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, TextIO
 
-from ..core.contracts.reply_parsing import parse_object, strip_control
+from ..core.contracts.reply_parsing import parse_object
 from ..core.errors import BsaError
 from ..core.messages import Backend, BudgetSpent, JsonSchema, Message, Reply, ReplyRefused
+from ..core.printable import strip_control
 from ..core.run.recording import REVIEW, BackendAround, Recorder
 
 

@@ -14,7 +14,7 @@ from .deadline import within
 from .images import showable
 from .options import BackendOptions
 from .prompt_fitting import ContextTooSmallError, drop_memory
-from .retrying import Patience, Persistence, TransientError
+from .retrying import Persistence, TransientError
 from .structured_output import FormRefusedError, descend, held_by, shortened, with_schema_in_prompt
 
 # Client libraries end a call on their own a little later; the deadline is for those that do not.
@@ -75,8 +75,8 @@ class ServedBackend(ABC):
         if self.options.max_reply_tokens is not None:
             schema = shortened(schema, self.options.max_reply_tokens // _TOKENS_PER_CHAR)
         shown = showable(messages, self.sees_images, notes)
-        patience = Patience(self.options.server_timeout_s, self.options.retry_limit_s)
-        persistence = Persistence(patience, notes, random.Random(seed))
+        timeout_s = self.options.server_timeout_s
+        persistence = Persistence(timeout_s, self.options.retry_limit_s, notes, random.Random(seed))
 
         def in_form(form: StructuredBy) -> Answer:
             prompt = with_schema_in_prompt(shown, schema, form)
@@ -89,7 +89,7 @@ class ServedBackend(ABC):
                 try:
                     return within(allowed_s + _GRACE_S, lambda: self.ask(request, notes))
                 except TimeoutError:
-                    cut = ", all that retry_limit_s left" * (allowed_s < patience.timeout_s)
+                    cut = ", all that retry_limit_s left" * (allowed_s < timeout_s)
                     raise TransientError(f"no answer within {allowed_s:.3g} s{cut}") from None
                 except TransientError as failure:
                     if failure.server_fault and form != "text" and next(faults) == _FAULTS_OF_A_FORM:
@@ -107,11 +107,10 @@ class ServedBackend(ABC):
                 answer, form = descend(self._server, in_form, notes, self.strictest)
                 break
             except ContextTooSmallError:
-                shorter = drop_memory(shown)
-                if shorter is None:
+                try:
+                    shown = drop_memory(shown, notes)
+                except ContextTooSmallError:
                     raise PromptRefused(f"{self.name}: the prompt is longer than the model's context") from None
-                shown, heading = shorter
-                notes.append(f'the section "{heading}" was left out: the context is too small')
             except FormRefusedError as refusal:
                 raise PromptRefused(redact(f"{self.name} refuses the request: {refusal}")) from None
             except BackendFailure as failure:

@@ -13,12 +13,11 @@ from .constrained_decoding import SchemaProcessor
 from .images import showable
 from .loaded_model import INSTALL_HINT, LoadedModel, load, release
 from .model_files import model_folder
-from .options import BackendOptions
+from .options import REPLY_TOKENS, BackendOptions
 from .prompt_fitting import ContextTooSmallError, fit
 from .route import NotReady, Route
 from .structured_output import held_by, with_schema_in_prompt
 
-_REPLY_TOKENS = 4096
 # A short context is shared: the reply gets at least this part of it.
 _LEAST_REPLY_SHARE = 0.25
 # GPT-OSS speaks on several channels; a reply that is an object from its first token belongs on this one.
@@ -101,7 +100,7 @@ class TransformersBackend:
     def _prompt(self, messages: Sequence[Message], notes: list[str]) -> tuple[Any, int]:
         """The prompt's tokens, shape (1, n), and how many the reply may have."""
         context = self._loaded.context_tokens
-        wanted = self._options.max_reply_tokens or _REPLY_TOKENS
+        wanted = self._options.max_reply_tokens or REPLY_TOKENS
         least = min(wanted, int(context * _LEAST_REPLY_SHARE))
         try:
             fitting = fit(messages, lambda tried: self._encode(tried).shape[1] + least <= context, notes)

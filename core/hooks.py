@@ -60,6 +60,8 @@ class Entry:
         not changed along with the interface can be told.
     domain : Domain, optional
         Of a simulator: the signals and the wording of what it simulates, for tasks that name it.
+    asks_model : bool
+        Of a proposer: whether it asks the language model about once a round, as the estimate of a grid counts.
     """
 
     name: str
@@ -68,6 +70,7 @@ class Entry:
     config_type: type[BaseModel] = NoOptions
     api: int = field(kw_only=True)
     domain: Domain | None = field(default=None, kw_only=True)
+    asks_model: bool = field(default=False, kw_only=True)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,14 @@
 """Text for messages: what nobody vouches for made printable, and numbers and nouns put together."""
 
+import re
 from collections.abc import Iterable
+
+_ESCAPE_SEQUENCE = re.compile(
+    r"\x1b\][^\x07\x1b]*(?:\x07|\x1b\\)?"  # operating-system commands: titles, links, clipboard
+    r"|[\x1b\x9b]\[?[0-?]*[ -/]*[@-~]"  # cursor, colour and mode sequences
+)
+# C0 and C1 controls except tab and newline, bidirectional overrides, and lone surrogates.
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
 def shown(text: object, limit: int = 60) -> str:
@@ -10,6 +18,20 @@ def shown(text: object, limit: int = 60) -> str:
         for character in str(text)[: 4 * limit]
     )
     return printable if len(printable) <= limit else printable[: limit - 3] + "..."
+
+
+def strip_control(text: str) -> str:
+    """Remove what could steer a terminal or disguise text: escape sequences, control codes, direction overrides.
+
+    Tabs and newlines stay; lone surrogates, which no file can hold, go.
+    """
+    return _CONTROL.sub("", _ESCAPE_SEQUENCE.sub("", text.replace("\r\n", "\n").replace("\r", "\n")))
+
+
+def one_line(text: str, limit: int = 200) -> str:
+    """A model's or a plugin's words on one line, without what could steer a terminal, cut where they are long."""
+    line = " ".join(strip_control(text).split())
+    return line if len(line) <= limit else line[: limit - 1] + "…"
 
 
 def described(value: object) -> str:

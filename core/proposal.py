@@ -89,7 +89,7 @@ class Proposal:
     finished : bool
         The proposer has nothing better to offer: the run may stop after these candidates.
     advancing : bool
-        The proposer knows by its own measure whether it still gets on, and says when it is finished: the
+        The proposer knows by its own measure whether it still improves, and says when it is finished: the
         run's patience does not count this round.
     by_simulations : bool
         The method's budget is the number of simulations alone, as a sampler's is: neither the run's rounds nor its

@@ -16,7 +16,7 @@ from .tasks.measured_cell import RESISTANCE
 LITHIUM = "Loss of lithium inventory [%]"
 
 _SPREAD, _LEAST, _MOST = 0.1, 0.3, 1.3
-"""Standard deviation of the logarithm that is believed of lithium and active material, and their bounds: a cell is
+"""Prior standard deviation of the logarithm of lithium and active material, and their bounds: a cell is
 discarded when it has lost a fifth."""
 
 _VOLTS_AT_1C = 0.05

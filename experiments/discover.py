@@ -30,6 +30,7 @@ from .discovery_case import DiscoverOptions, read_case
 from .discovery_journal import opened
 from .discovery_setup import DiscoverySetup, say_notes, set_up
 from .misfit_notes import discovery_notes, potentials_note
+from .report.page import FILE_NAME as REPORT
 from .told_simulations import ToldSimulations
 
 RESULT = "discovery.json"
@@ -58,7 +59,7 @@ def discover(options: DiscoverOptions, listener: Listener = lambda text: None, w
         told(f"{discovery.verdict}: {', '.join(discovery.names) or discovery.findings.reason}")
         write_text(options.out / RESULT, json.dumps(discovery.to_json(), indent=1, allow_nan=False))
         write_text(options.out / "augmented_model.py", discovery.script)
-        write_text(options.out / "report.html", page)
+        write_text(options.out / REPORT, page)
         journal.file.append("end", status=discovery.verdict, wall_s=discovery.wall_s - spent_s(journal.earlier))
     return discovery
 

@@ -26,6 +26,7 @@ from ..plugins.pybamm.simulators.life_simulator import LifeSimulatorPool
 from .degradation_modes import degradation_modes
 from .discovery_case import DiscoverOptions, read_life
 from .discovery_setup import say_notes
+from .report.page import FILE_NAME as REPORT
 from .run import Resources, execute_run
 from .run_settings import run_config
 from .told_run import ToldRun
@@ -135,5 +136,5 @@ def _first_cycle(task: Task, options: DiscoverOptions, workers: int, listener: L
     if found.status == "interrupted":
         raise KeyboardInterrupt
     if not found.best.ok:
-        raise BsaError("no simulation of the first cycle ran to its end.", f"see {options.out / CELL / 'report.html'}.")
+        raise BsaError("no simulation of the first cycle ran to its end.", f"see {options.out / CELL / REPORT}.")
     return found.best.candidate

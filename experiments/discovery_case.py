@@ -18,13 +18,13 @@ from ..core.discovery.observations import FLOOR_V
 from ..core.discovery.simulator import MeasuredRecord
 from ..core.errors import BsaError, unknown
 from ..core.files import write_text
-from ..core.record import ReadOptions, Record
+from ..core.record import Record
 from ..core.run.journal import FILE_NAME, check_run_folder
 from ..core.target import CyclableLithium, Factor, Value, factor_name, target_named
 from ..core.task import CellModel, Experiment, ParameterSource, Task
 from ..core.validation import validated
 from ..core.yaml_text import YAML_SUFFIXES, read_yaml
-from .file_reading import FileReading
+from .file_reading import FileReading, ReadEntry
 from .run_names import named_after, numbered_folder
 from .task_request import Records
 from .tasks.influence import no_influence
@@ -35,14 +35,11 @@ if TYPE_CHECKING:
     from .tasks.record_request import RecordRequest
 
 
-class RecordFile(BaseModel, extra="forbid"):
+class RecordFile(ReadEntry):
     """A record to read."""
 
     path: Path = Field(description="The cycler's file, or a folder of one cell's files.")
     joined: list[Path] = Field(default=[], description="Further files of the same cell, joined with it by date.")
-    read: ReadOptions = Field(default_factory=ReadOptions, description="What its header does not say.")
-    reader: str | None = Field(default=None, description="Reader to use; left out, the one that fits.")
-    reader_options: dict[str, Any] = Field(default={}, description="The reader's own options.")
 
     @model_validator(mode="before")
     @classmethod
@@ -54,16 +51,11 @@ class RecordFile(BaseModel, extra="forbid"):
         """All of its files."""
         return [self.path, *self.joined]
 
-    @property
-    def reading(self) -> FileReading:
-        """How they are read."""
-        return FileReading(self.read, self.reader, self.reader_options)
-
 
 class Uncertainty(BaseModel, extra="forbid"):
     """How far one factor may be off."""
 
-    spread: float = Field(gt=0, description="Standard deviation of its logarithm that is believed.")
+    spread: float = Field(gt=0, description="Prior standard deviation of its logarithm.")
     lower: float = Field(gt=0, lt=1, description="Lower bound.")
     upper: float = Field(gt=1, description="Upper bound.")
 
@@ -119,6 +111,11 @@ class DiscoverOptions(BaseModel, extra="forbid"):
     out: Path = Field(description="Folder for discovery.json, report.html and augmented_model.py.")
 
     @property
+    def files(self) -> list[RecordFile]:
+        """All records that are read: fitted and held-out ones, and references."""
+        return [*self.data, *self.holdout, *self.reference]
+
+    @property
     def settings(self) -> Settings:
         """How hard the engine looks."""
         return Settings(max_effects=self.max_effects, seed=self.seed)
@@ -141,9 +138,7 @@ def discover_options(
     if records.joined:
         reads = [reads[0]] * count + reads[1:]
     files: list[dict[str, Any]] = [
-        {"path": _written(one, number, folder)}
-        if isinstance(one, Record)
-        else {"path": one, "read": read.options, "reader": read.reader, "reader_options": read.reader_options}
+        {"path": _written(one, number, folder)} if isinstance(one, Record) else {"path": one, **read.written}
         for number, (one, read) in enumerate(zip((*records.sources, *records.held_out), reads, strict=True), 1)
     ]
     fitted = files[:count]
@@ -173,8 +168,7 @@ def reference_files(paths: Sequence[Path], reads: Sequence[FileReading]) -> list
             "write them in one format first: bsa data FILE --export bdf.",
         )
     (read,) = reads[:1]
-    how = {"read": read.options, "reader": read.reader, "reader_options": read.reader_options}
-    return [{"path": path, **how} for path in paths]
+    return [{"path": path, **read.written} for path in paths]
 
 
 def usual_search(parameters: str, reference: Sequence[Any] | None = ()) -> str:
@@ -240,7 +234,8 @@ def _parameters_written(parameters: ParameterSource, folder: Path) -> str:
     if isinstance(parameters, str):
         return parameters
     path = _place_of_records(folder) / "parameters.json"
-    if path.is_file() and (folder / FILE_NAME).is_file() and path.read_text() != parameters.text:
+    is_resumed = path.is_file() and (folder / FILE_NAME).is_file()
+    if is_resumed and path.read_text(encoding="utf-8") != parameters.text:
         raise _belongs_to_another(folder, "parameters")
     write_text(path, parameters.text)
     return str(path)

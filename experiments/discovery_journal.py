@@ -110,9 +110,7 @@ def _path_of_parameters(options: DiscoverOptions) -> Path | None:
 
 def _digests(options: DiscoverOptions) -> dict[str, str]:
     """Digests of all files that are read, by path."""
-    given = [
-        file_and_part(path)[0] for file in (*options.data, *options.holdout, *options.reference) for path in file.files
-    ]
+    given = [file_and_part(path)[0] for file in options.files for path in file.files]
     if (parameters := _path_of_parameters(options)) is not None and parameters.is_file():
         given.append(parameters)
     found: dict[str, str] = {}

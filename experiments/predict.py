@@ -12,10 +12,14 @@ from ..core.files import write_json, write_text
 from ..core.hooks import RunContext
 from ..core.inference.prediction import Prediction, predict
 from ..core.run.later_simulations import NOT_FITTED, WatchedSimulations
-from ..core.run.loop import Listener
+from ..core.run.listener import SILENT, Listener
 from ..core.run.run_plugins import RunPlugins
 from ..core.scaffold import Scaffold
+from ..core.task import Experiment
+from .new_folder import new_folder
+from .run_names import named_after, numbered_folder
 from .run_record import RunRecord, read_run
+from .task_request import Records
 from .tasks.record_request import RecordRequest
 from .tasks.records import holding_out
 
@@ -28,6 +32,7 @@ class ScoredRecords:
 
     run: RunRecord  # The run; its task holds out these records in place of those that it held out itself.
     predictions: tuple[Prediction, ...]  # In the order of the records.
+    notes: tuple[str, ...] = ()  # What was assumed or repaired of these records, and what is worth noticing.
 
     def to_json(self) -> dict[str, Any]:
         """What ``prediction.json`` holds."""
@@ -40,18 +45,23 @@ class ScoredRecords:
             "notes": list(self.notes),
         }
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was assumed or repaired of these records, and what is worth noticing."""
-        return tuple(filter(_of_held_out, self.run.task.notes))
 
+def predicted(
+    run: Path, records: Records, out: Path | None, workers: int = 1, listener: Listener = SILENT
+) -> tuple[ScoredRecords, Path]:
+    """Score records that a run did not fit, and the page on them in a new or empty folder.
 
-def _of_held_out(note: str) -> bool:
-    return "(held out)" in note
+    The folder is one of the run's own where ``out`` is None. Raises `BsaError` as `predict_records`, and before
+    anything is simulated if the folder cannot be used.
+    """
+    place = out or numbered_folder(run / "predictions", named_after(records.sources))
+    with new_folder(place) as folder:
+        scored = predict_records(run, records.requests(), workers, listener)
+        return scored, write_scores(scored, folder)
 
 
 def predict_records(
-    folder: Path, requests: Sequence[RecordRequest], workers: int = 1, listener: Listener | None = None
+    folder: Path, requests: Sequence[RecordRequest], workers: int = 1, listener: Listener = SILENT
 ) -> ScoredRecords:
     """Simulate records and impedance spectra with the best candidate of a run.
 
@@ -62,25 +72,26 @@ def predict_records(
     run = read_run(folder)
     if not run.best.ok:
         raise BsaError(f"no simulation of {folder} ran to its end.", "a run that fits nothing predicts nothing.")
-    notes = tuple(note for note in run.task.notes if not _of_held_out(note))
+    notes = tuple(note for note in run.task.notes if not _of_one(note, run.task.held_out))
     task = holding_out(replace(run.task, held_out=(), notes=notes), requests)
     scaffold = Scaffold.model_validate(
         {"name": "predict", "simulator": run.config["scaffold"]["simulator"], "proposer": "default"}
     )
-    watching = {"cycled": listener.cycled} if listener else {}
-    context = RunContext(task, int(run.config["seed"]), folder, None, workers, **watching)
+    context = RunContext(task, int(run.config["seed"]), folder, None, workers, listener.cycled)
     plugins = RunPlugins(scaffold, context, installed())
-    watched = WatchedSimulations(plugins, listener.counted if listener else _unwatched, variants=NOT_FITTED)
+    watched = WatchedSimulations(plugins, listener.counted, variants=NOT_FITTED)
     draws = () if run.analysis is None else run.analysis.identifiability.draws
     try:
         found = predict(task, run.best.candidate, task.held_out, watched, draws, misfits(run.records))
     finally:
         plugins.close()
-    return ScoredRecords(replace(run, task=task, held_out=found), found)
+    return ScoredRecords(replace(run, task=task, held_out=found), found, task.notes[len(notes) :])
 
 
-def _unwatched(purpose: str, done: int, total: int) -> None:
-    pass
+def _of_one(note: str, held_out: Sequence[Experiment]) -> bool:
+    """Whether a note is of one of the records that were held out; of a life the held-out part has more of a name."""
+    name, mark, _ = note.partition(" (held out): ")
+    return bool(mark) and any(experiment.name.startswith(name) for experiment in held_out)
 
 
 def write_scores(scored: ScoredRecords, out: Path) -> Path:

@@ -20,7 +20,8 @@ from ..core.messages import Backend
 from ..core.metrics import Metrics, errors_of
 from ..core.run.budget import with_budget
 from ..core.run.journal import FILE_NAME, FORMAT, Journal, check_calibration, opened, read_events
-from ..core.run.loop import Listener, Run, RunResult
+from ..core.run.listener import SILENT, Listener
+from ..core.run.loop import Run, RunResult
 from ..core.run.recording import Recorder
 from ..core.run.run_config import RunConfig
 from ..core.run.run_plugins import RunPlugins
@@ -70,7 +71,7 @@ def execute_run(
     folder: Path,
     backend: Backend,
     resources: Resources | None = None,
-    listener: Listener | None = None,
+    listener: Listener = SILENT,
     report: bool = True,
     analysing: bool = False,
     to_discover: str = "",
@@ -98,20 +99,16 @@ def execute_run(
             read_run(folder)  # What does not read must be refused before more is written behind it.
         _open_chapter(journal, earlier, task, config, to_discover, rebudgeted)
         recorder = Recorder(journal, earlier, resources.max_tokens, resources.max_cost_usd)
-        if listener:
-            recorder.say = listener.noted
-        watched = {"cycled": listener.cycled} if listener else {}
-        context = RunContext(task, config.seed, folder, recorder.around(backend), resources.workers, **watched)
+        recorder.say = listener.noted
+        context = RunContext(task, config.seed, folder, recorder.around(backend), resources.workers, listener.cycled)
 
         def note(text: str) -> None:
             journal.append("note", text=text)
-            if listener:
-                listener.noted(text)
+            listener.noted(text)
 
         with closing(RunPlugins(config.scaffold, context, installed(), note)) as plugins:
-            if listener:
-                for text in (*task.notes, *journal.warnings):
-                    listener.noted(text)
+            for text in (*task.notes, *journal.warnings):
+                listener.noted(text)
 
             write = partial(_write_products, folder, task, config, backend.name, plugins)
 
@@ -119,10 +116,9 @@ def execute_run(
                 write(result)
                 if report:
                     build_report(folder)
-                if listener:
-                    for one, measured in zip(result.held_out, task.held_out, strict=True):
-                        listener.noted(forecast_line(one, measured))
-                    listener.noted(f"{folder / (REPORT if report else RESULT)} has it; its 95 % band follows.")
+                for one, measured in zip(result.held_out, task.held_out, strict=True):
+                    listener.noted(forecast_line(one, measured))
+                listener.noted(f"{folder / (REPORT if report else RESULT)} has it; its 95 % band follows.")
 
             result = Run(
                 task, config, plugins, recorder, journal, folder, earlier, listener, analysing, forecast

@@ -197,7 +197,7 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
     scores = {event["index"]: event for event in events if event["event"] == SCORE}
     latest = since_budget(events)
     analysis, held_out = _analysis(latest, best, task), _predictions(latest, best)
-    mended = {
+    resolved = {
         NOT_ANALYSED: analysis is not None,
         NOT_PREDICTED: bool(held_out),
         NO_BAND: any(one.bands for one in held_out),
@@ -215,7 +215,7 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
         rounds=_rounds(events, trials),
         exchanges=tuple(exchange_of(event) for event in events if event["event"] in EXCHANGED),
         scores={index: decode_metrics(event["metrics"]) for index, event in scores.items()},
-        notes=(*task.notes, *(text for text in told if not mended.get(text))),
+        notes=(*task.notes, *(text for text in told if not resolved.get(text))),
         resumed=sum(event["event"] == "resumed" for event in events),
         analysis=analysis,
         records=read_record_errors(scores.get(best, {})),

@@ -1,4 +1,4 @@
-"""A listener that hears how many simulations were made where nothing else is said for long."""
+"""A listener that tells how many simulations were made where nothing else is said for long."""
 
 import threading
 import time

@@ -69,9 +69,21 @@ def bsa_proposers() -> Iterable[Entry]:
     from .proposers.random import RandomOptions, RandomProposer
     from .proposers.staged import StagedOptions, StagedProposer
 
-    yield Entry("agent", AgentProposer, "Asks the backend for a hypothesis and a change.", AgentOptions, api=1)
     yield Entry(
-        "hybrid", HybridProposer, "The agent picks what to try beside a least-squares fit.", HybridOptions, api=1
+        "agent",
+        AgentProposer,
+        "Asks the backend for a hypothesis and a change.",
+        AgentOptions,
+        api=1,
+        asks_model=True,
+    )
+    yield Entry(
+        "hybrid",
+        HybridProposer,
+        "The agent picks what to try beside a least-squares fit.",
+        HybridOptions,
+        api=1,
+        asks_model=True,
     )
     yield Entry(
         "least-squares", LeastSquaresProposer, "Levenberg-Marquardt on step-aligned residuals.", DescentOptions, api=1

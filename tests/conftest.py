@@ -15,7 +15,8 @@ from bsa.backends.rules.backend import RulesBackend
 from bsa.core.contracts.registry import installed
 from bsa.core.messages import Backend
 from bsa.core.run import recording
-from bsa.core.run.loop import Listener, RunResult
+from bsa.core.run.listener import SILENT, Listener
+from bsa.core.run.loop import RunResult
 from bsa.core.run.run_config import RunConfig
 from bsa.core.scaffold import Scaffold
 from bsa.core.task import Task
@@ -91,7 +92,7 @@ def run_toy(tmp_path: Path) -> RunToy:
         task: Task | None = None,
         analysing: bool = False,
         rebudgeted: bool = False,
-        listener: Listener | None = None,
+        listener: Listener = SILENT,
         **config: Any,
     ) -> RunResult:
         settings = {"rounds": 12, "warm_up": 8, "simulations": 30, **config}

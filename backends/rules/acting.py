@@ -1,15 +1,16 @@
-"""Which action to take beside a numerical fit: leave it alone while it gets on, step in where it is stuck."""
+"""Chooses an action beside a numerical fit: none while the misfit falls, an intervention where it has stalled."""
 
 from typing import Any
 
 from .reading import Prompt
 from .reasoner import failed_in_a_row, propose, unmeasured
 
-_GETS_ON = 0.8
-"""A fit whose misfit fell below this share of what it was some rounds ago is left alone."""
+_FALLS, _ROUNDS_BACK = 0.8, 4
+"""A fit whose misfit fell below this share of what it was so many rounds ago is left alone."""
 
-_ROUNDS_BACK = 4
 _PATIENCE = 8
+"""Simulations for which a fit that is left alone goes on before the next action is chosen."""
+
 _STUCK = 3
 """Changes in a row that were no better, after which effects are measured again where the budget allows it."""
 
@@ -37,7 +38,7 @@ def act(prompt: Prompt) -> dict[str, Any]:
     status = prompt.numerics.status
     if status == "infeasible":
         return _reply(
-            "Nothing could be simulated yet: the model gives up before the record ends.",
+            "Nothing could be simulated yet: the solver fails before the record ends.",
             "The values are harsher than the model can bear.",
             "reduce",
             "Gentler values first.",
@@ -45,21 +46,21 @@ def act(prompt: Prompt) -> dict[str, Any]:
         )
     if status == "done":
         return _after_the_end(prompt)
-    if _gets_on(prompt) or prompt.numerics.actions[-1:] == ("set",):
-        return _let_it(prompt)
+    if _misfit_falls(prompt) or prompt.numerics.actions[-1:] == ("set",):
+        return _continue_fit(prompt)
     return {**propose(prompt), "action": "set", "simulations": 1}
 
 
-def _gets_on(prompt: Prompt) -> bool:
+def _misfit_falls(prompt: Prompt) -> bool:
     misfits = prompt.numerics.misfits
-    return len(misfits) <= _ROUNDS_BACK or misfits[-1] < _GETS_ON * misfits[-1 - _ROUNDS_BACK]
+    return len(misfits) <= _ROUNDS_BACK or misfits[-1] < _FALLS * misfits[-1 - _ROUNDS_BACK]
 
 
-def _let_it(prompt: Prompt) -> dict[str, Any]:
+def _continue_fit(prompt: Prompt) -> dict[str, Any]:
     misfit = next(reversed(prompt.numerics.misfits), None)
-    reason = "The fit gets on" if _gets_on(prompt) else "The last value set by hand was no help"
+    reason = "The misfit still falls" if _misfit_falls(prompt) else "The last manual value did not lower the misfit"
     return _reply(
-        f"{reason}; its misfit is {misfit} tolerances.{_said_by_the_record(prompt)}",
+        f"{reason}; it is {misfit} tolerances.{_said_by_the_record(prompt)}",
         "The parameters are off together, and the slopes say by how much.",
         "refine",
         "Let the fit go on.",
@@ -81,11 +82,11 @@ def _said_by_the_record(prompt: Prompt) -> str:
 
 
 def _after_the_end(prompt: Prompt) -> dict[str, Any]:
-    """The fit ended far from the record: first what eases, then fresh slopes, then the values the features ask for."""
+    """The fit ended far from the record: first a reduced task, then fresh slopes, then the values the features ask for."""
     tried = prompt.numerics.actions
     if "reduce" not in tried:
         return _reply(
-            "The fit has ended far from the record: a trap, as where a step has vanished.",
+            "The fit has ended far from the record: a local minimum, as where a step has vanished.",
             "A step that vanished hides what the parameters do.",
             "reduce",
             "Bring it back with gentler values, match the rest, then everything.",
@@ -93,7 +94,7 @@ def _after_the_end(prompt: Prompt) -> dict[str, Any]:
         )
     if tried[-1] != "jacobian" and tried.count("jacobian") < 2:
         return _reply(
-            "The fit has ended, and what it believes of the parameters may be wrong here.",
+            "The fit has ended; its sensitivities may be out of date.",
             "The slopes have changed on the way.",
             "jacobian",
             "Measure them again and go on from the best point.",

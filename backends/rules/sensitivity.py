@@ -80,7 +80,7 @@ def _updated(slopes: Matrix, changes: Matrix, responses: Matrix) -> Matrix:
     """The slopes nearest to the given ones that explain the differences, near trials counting most."""
     size = np.linalg.norm(changes, axis=1)
     # Each trial tells a slope along its own direction, equally well however long the step was; a far
-    # trial tells it of another place, and a very near one is drowned by rounding.
+    # trial tells it of another place, and in a very near one rounding is larger than the effect.
     weight = 1.0 / (size**2 + _ROUNDING**2) / (1.0 + (size / _NEAR) ** 4)
     weighted = changes * weight[:, None]
     normal = weighted.T @ changes + _TRUST_IN_WHAT_WAS_KNOWN * np.eye(changes.shape[1])

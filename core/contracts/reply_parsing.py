@@ -18,26 +18,12 @@ _MAX_DEPTH = 32
 _MAX_STARTS = 200
 _MAX_PASSES = 5
 
-_ESCAPE_SEQUENCE = re.compile(
-    r"\x1b\][^\x07\x1b]*(?:\x07|\x1b\\)?"  # operating-system commands: titles, links, clipboard
-    r"|[\x1b\x9b]\[?[0-?]*[ -/]*[@-~]"  # cursor, colour and mode sequences
-)
-# C0 and C1 controls except tab and newline, bidirectional overrides, and lone surrogates.
-_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 _SURROGATE = re.compile("[\ud800-\udfff]")
 _END_OF_THOUGHTS = "</think>"
 _NUMBER = re.compile(r"-?[0-9]{1,300}(?:\.[0-9]{0,300})?(?:[eE][+-]?[0-9]{1,4})?")
 _QUOTES = {'"': '"', "'": "'", "“": "”", "`": "`"}
 _ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "b": "\b", "f": "\f"}
 _WORDS = {"true": True, "True": True, "false": False, "False": False, "null": None, "None": None}
-
-
-def strip_control(text: str) -> str:
-    """Remove what could steer a terminal or disguise text: escape sequences, control codes, direction overrides.
-
-    Tabs and newlines stay; lone surrogates, which no file can hold, go.
-    """
-    return _CONTROL.sub("", _ESCAPE_SEQUENCE.sub("", text.replace("\r\n", "\n").replace("\r", "\n")))
 
 
 def parse_object(text: str, keys: Iterable[str] = ()) -> dict[str, Any]:

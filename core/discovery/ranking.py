@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..contracts.reply_parsing import parse_object, strip_control
+from ..contracts.reply_parsing import parse_object
 from ..effect import Effect
 from ..errors import BsaError
 from ..messages import Backend, BackendFailure, BudgetSpent, Message, PromptRefused
+from ..printable import strip_control
 
 _SYSTEM = """You are an electrochemist. A physics-based lithium-ion cell model was fitted to measured records. \
 A discrepancy remains that its parameters cannot explain. You get a list of effects that the model may lack, each \

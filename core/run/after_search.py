@@ -5,7 +5,7 @@ All of it is journalled: a run that is interrupted here goes on where it was.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from ..comparison.record_errors import RecordErrors, errors_by_record, misfits
 from ..inference.post_fit_analysis import PostFitAnalysis, analyse
@@ -26,6 +26,7 @@ from .later_simulations import (
     WatchedSimulations,
     simulated,
 )
+from .listener import SILENT, Listener
 from .run_plugins import RunPlugins
 
 ANALYSIS, SCORE = "appraisal", "score"
@@ -35,19 +36,6 @@ NOT_ANALYSED = "Stopped before it was known what the record fixes. Resume the ru
 NOT_PREDICTED = "Stopped before the held-out records were scored. Resume the run to score them."
 NO_BAND = "Stopped before the band of the forecast was known. Resume the run to find out."
 """Notes of a run that was interrupted after its search; no longer true once it was taken up again."""
-
-
-class Watching(Protocol):
-    """Follows what comes after a search."""
-
-    def counted(self, purpose: str, done: int, total: int) -> None:
-        """So many of the simulations after the search that serve a purpose are done."""
-
-    def cycled(self, cycle: int, cycles: int) -> None:
-        """A simulation of a whole life has come to this cycle; of several side by side, the one that is farthest."""
-
-    def noted(self, text: str) -> None:
-        """Something worth saying happened."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +55,7 @@ class AfterSearch:
         plugins: RunPlugins,
         journal: Journal,
         earlier: Sequence[Mapping[str, Any]],
-        listener: Watching | None,
+        listener: Listener = SILENT,
     ) -> None:
         self._task = task
         self._plugins = plugins
@@ -94,7 +82,7 @@ class AfterSearch:
         }
         missing = [trial for index, trial in wanted.items() if index not in scores]
         if missing:
-            simulations = WatchedSimulations(self._plugins, self._watch)
+            simulations = WatchedSimulations(self._plugins, self._listener.counted)
             for place, outcome in simulations.simulate([trial.candidate for trial in missing], True):
                 scores[missing[place].index] = self._scored(missing[place], outcome)
                 if self._task.long:
@@ -127,7 +115,7 @@ class AfterSearch:
         if self.cut_short:
             return None
         if best.ok:
-            self._say("The search has ended; now what the record fixes, and what to measure next.")
+            self._listener.noted("The search has ended; now what the record fixes, and what to measure next.")
         try:
             simulating = self._journalled(exact=REFERENCE)
             found = analyse(self._task, trials, best, simulating, budget, self._plugins.weighs_priors())
@@ -166,7 +154,7 @@ class AfterSearch:
         simulating = (
             self._journalled(variants=BAND if draws else FORECAST)
             if self._task.long
-            else WatchedSimulations(self._plugins, self._watch, variants=NOT_FITTED)
+            else WatchedSimulations(self._plugins, self._listener.counted, variants=NOT_FITTED)
         )
         try:
             found = predict(self._task, best.candidate, self._task.held_out, simulating, draws, misfits(fitted))
@@ -182,20 +170,12 @@ class AfterSearch:
     def _journalled(self, **purposes: str) -> JournalledSimulations:
         """Simulations that are written down and not made again; those that are made are counted aloud."""
         return JournalledSimulations(
-            WatchedSimulations(self._plugins, self._watch, **purposes), self._journal, self._simulated
+            WatchedSimulations(self._plugins, self._listener.counted, **purposes), self._journal, self._simulated
         )
-
-    def _watch(self, purpose: str, done: int, total: int) -> None:
-        if self._listener:
-            self._listener.counted(purpose, done, total)
 
     def _note(self, text: str) -> None:
         self._journal.append("note", text=text)
-        self._say(text)
-
-    def _say(self, text: str) -> None:
-        if self._listener:
-            self._listener.noted(text)
+        self._listener.noted(text)
 
 
 def read_record_errors(event: Mapping[str, Any]) -> tuple[RecordErrors, ...]:

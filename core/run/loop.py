@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 
@@ -30,10 +30,11 @@ from ..task_reduction import TaskReduction
 from ..thinning import SAMPLES_OF_DRIVES
 from ..trajectory import FloatArray
 from ..trial import Phase, Trial, lowest, repeated_by
-from .after_search import AfterSearch, Score, Watching
+from .after_search import AfterSearch, Score
 from .answer import answer
 from .budget import SimulationBudget
 from .journal import Journal, spent_s
+from .listener import SILENT, Listener
 from .low_fidelity import LowFidelitySimulations
 from .recording import Recorder
 from .run_config import RunConfig
@@ -46,16 +47,6 @@ _CURVE_SAMPLES_PER_STEP, _SWING_SAMPLES_PER_STEP = 60, 600
 """Samples of a step that a trial's curves keep, and those of one in which a signal oscillates."""
 
 _PHASE_CODE: dict[Phase, int] = {"initial": 0, "warm-up": 1, "search": 2}
-
-
-class Listener(Watching, Protocol):
-    """Watches a run, for progress on a screen."""
-
-    def proposed(self, proposal: Proposal, phase: Phase, number: int) -> None:
-        """A proposal was made."""
-
-    def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
-        """A simulation finished; ``best`` has the lowest objective so far."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +107,7 @@ class Run:
         journal: Journal,
         folder: Path,
         earlier: Iterable[Mapping[str, Any]] = (),
-        listener: Listener | None = None,
+        listener: Listener = SILENT,
         analysing: bool = False,
         forecast: Callable[[RunResult], None] = lambda result: None,
     ) -> None:
@@ -205,7 +196,7 @@ class Run:
             if uncounted or proposal.advancing or self.lowest.objective < reference * (1.0 - _IMPROVEMENT):
                 stalled, reference = 0, self.lowest.objective
             elif not (unheard and proposal.lost):
-                # A round in which the model had no say tells nothing of whether the search still gets on.
+                # A round in which the model had no say tells nothing of whether the search still improves.
                 stalled += 1
             if stalled >= self._config.patience:
                 return "converged"
@@ -233,8 +224,7 @@ class Run:
             self._earlier_proposals -= 1
         else:
             self._journal.append("proposal", phase=phase, round=number, **encode_proposal(proposal))
-        if self._listener:
-            self._listener.proposed(proposal, phase, number)
+        self._listener.proposed(proposal, phase, number)
         # A round that the end of the budget had cut short is completed once the run is allowed more.
         limit = self._simulations_left
         if phase == "warm-up":
@@ -284,12 +274,11 @@ class Run:
             if place in todo:
                 self._tell_repetition(done[place])
             self._plugins.remember(done[place], proposal)
-            if self._listener:
-                self._listener.tried(done[place], self.lowest, self._recorder.usage)
+            self._listener.tried(done[place], self.lowest, self._recorder.usage)
 
     def _tell_repetition(self, trial: Trial) -> None:
         """Say once that simulations are spent on values that were simulated before; the report says each time."""
-        if self._repetition_told or self._listener is None:
+        if self._repetition_told:
             return
         earlier = repeated_by(trial, self._trials)
         if earlier is not None:

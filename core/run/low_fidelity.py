@@ -11,8 +11,8 @@ from ..parameters import Candidate
 from ..simulation import Outcome
 from ..task import Task
 from ..trajectory import FloatArray
-from .after_search import Watching
 from .journal import Journal
+from .listener import SILENT, Listener
 
 LOW_FIDELITY = "low-fidelity"
 """Event of the journal: the residuals of a candidate by the simulator's low-fidelity model."""
@@ -40,7 +40,7 @@ class LowFidelitySimulations:
         simulating: Simulating,
         journal: Journal,
         earlier: Iterable[Mapping[str, Any]] = (),
-        listener: Watching | None = None,
+        listener: Listener = SILENT,
     ) -> None:
         self._task, self._simulating, self._journal, self._listener = task, simulating, journal, listener
         self._known: dict[tuple[tuple[str, float], ...], FloatArray | None] = {}
@@ -68,8 +68,7 @@ class LowFidelitySimulations:
             packed = None if found is None else encode_array(found)
             self._journal.append(LOW_FIDELITY, candidate=dict(candidate), residuals=packed, seconds=outcome.seconds)
             self._take(candidate, found, outcome.seconds)
-            if self._listener:
-                self._listener.counted(STEPS, done, len(places))
+            self._listener.counted(STEPS, done, len(places))
         return [self._known[key] for key in keys]
 
     def _take(self, candidate: Candidate, found: FloatArray | None, seconds: float) -> None:

@@ -1,11 +1,7 @@
-"""Tables of ageing: the published tasks of 200 cycles, what a life costs, and measured lives foretold."""
+"""Tables of ageing: the published tasks of 200 cycles, and methods beside each other."""
 
 from bsa.experiments.campaign.summary import geometric_mean, grouped, mean_of
 from bsa.experiments.campaign.text_tables import brief, markdown_table, table_of
-from bsa.experiments.studies.fade_trends import trends_table
-from bsa.experiments.studies.life_cost import cost_table
-from bsa.experiments.studies.life_discovery import mechanisms_table, modes_table
-from bsa.experiments.studies.whole_life import forecast_table
 
 from .results import Results
 
@@ -51,28 +47,3 @@ def methods(results: Results, name: str) -> str:
     return results.framed(
         name, markdown_table(["task", "start", *compared], lines), f"* Better than the start: {', '.join(gained)}."
     )
-
-
-def life_cost(results: Results) -> str:
-    """What an evaluation of a life costs."""
-    return results.framed("life_cost", cost_table(results.rows("life_cost")))
-
-
-def whole_lives(results: Results) -> str:
-    """Measured lives foretold from their first cycles."""
-    return results.framed("whole_life", forecast_table(results.rows("whole_life")))
-
-
-def trends(results: Results) -> str:
-    """What simple laws of the cycle number, fitted to the first cycles of measured lives, come to later."""
-    return results.framed("fade_trends", trends_table(results.rows("fade_trends")))
-
-
-def mechanisms(results: Results) -> str:
-    """Which mechanism was found in lives with a hidden one, and in measured ones."""
-    return results.framed("life_discovery", mechanisms_table(results.rows("life_discovery")))
-
-
-def modes(results: Results) -> str:
-    """How lithium, active material and resistance drift over the same lives."""
-    return results.framed("life_modes", modes_table(results.rows("life_modes")))

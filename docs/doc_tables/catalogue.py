@@ -3,8 +3,17 @@
 from collections.abc import Callable
 from functools import partial
 
+from bsa.experiments.studies.evaluation import evaluation_table
+from bsa.experiments.studies.fade_trends import trends_table
+from bsa.experiments.studies.life_cost import cost_table
+from bsa.experiments.studies.life_discovery import mechanisms_table, modes_table
+from bsa.experiments.studies.models import cards_table
+from bsa.experiments.studies.warmup import warm_up_table
+from bsa.experiments.studies.whole_life import forecast_table
+
 from . import ageing, discovery, published, real_cells, studies
 from .columns import cell_columns
+from .plain import as_printed
 from .reach import reach
 from .results import Results
 
@@ -21,12 +30,12 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "ablation": studies.ablation,
     "agent-alone": studies.agent_alone,
     "by-hand": studies.by_hand,
-    "models": studies.models,
-    "evaluation": studies.evaluation,
+    "models": as_printed("models", cards_table),
+    "evaluation": as_printed("evaluation", evaluation_table),
     "runtime": studies.runtime,
     "recovery": studies.recovery,
     "coverage": studies.coverage,
-    "warm-up": studies.warm_up,
+    "warm-up": as_printed("warmup", warm_up_table),
     "grid-cost": studies.grid_cost,
     "grid-scaling": studies.grid_scaling,
     "cells": cell_columns,
@@ -34,11 +43,11 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "ageing-baselines": partial(ageing.methods, name="ageing_baselines"),
     "ageing-ablation": partial(ageing.methods, name="ageing_ablation"),
     "own-lives": partial(ageing.methods, name="own_lives"),
-    "life-cost": ageing.life_cost,
-    "whole-life": ageing.whole_lives,
-    "fade-trends": ageing.trends,
-    "life-discovery": ageing.mechanisms,
-    "life-modes": ageing.modes,
+    "life-cost": as_printed("life_cost", cost_table),
+    "whole-life": as_printed("whole_life", forecast_table),
+    "fade-trends": as_printed("fade_trends", trends_table),
+    "life-discovery": as_printed("life_discovery", mechanisms_table),
+    "life-modes": as_printed("life_modes", modes_table),
     "discovery-blind": discovery.blind_cases,
     "discovery-blind-cases": discovery.each_blind_case,
     "discovery-hidden": discovery.hidden_in_measured,
@@ -47,20 +56,8 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "discovery-cases": discovery.each_earlier_case,
     "discovery-time": discovery.time_taken,
     "discovery-sensitivity": discovery.sensitivity,
-    "discovery-shortlists": discovery.shortlists,
     "measured-cells": discovery.measured_cells,
-    "real-cells": real_cells.fitted_and_held_out,
-    "knees": real_cells.by_weight,
-    "jacobian": real_cells.by_jacobian,
+    **real_cells.TABLES,
     "low-fidelity": published.led_and_alone,
     "published-led": published.led,
-    "low-fidelity-cells": real_cells.led_and_alone,
-    "nearest-potentials": real_cells.by_potentials,
-    "nearest-set": real_cells.by_start,
-    "starts": real_cells.by_initial_state,
-    "pulse-tests": real_cells.by_rests,
-    "bands": real_cells.by_band,
-    "unseen-cells": real_cells.unseen,
-    "paper-cells": real_cells.as_in_the_paper,
-    "impedance": real_cells.with_spectra,
 }

@@ -4,7 +4,6 @@ from bsa.experiments.campaign.text_tables import Entry, brief, table_of
 from bsa.experiments.discovery_bench.grading import Graded, graded_of
 from bsa.experiments.discovery_bench.repeats import Repeat, repeats_table
 from bsa.experiments.discovery_bench.sensitivity import sensitivity_table
-from bsa.experiments.discovery_bench.shortlists import shortlist_table
 from bsa.experiments.discovery_bench.tables import as_markdown, case_table
 
 from .results import Results
@@ -104,11 +103,6 @@ def time_taken(results: Results) -> str:
         "contact resistance / mohm": "{strength_mohm:.1f}",
     }
     return results.framed("discovery_time", table_of(results.rows("discovery_time"), columns, 3))
-
-
-def shortlists(results: Results) -> str:
-    """How high each ranking has the hidden effect."""
-    return results.framed("discovery_shortlists", shortlist_table(results.rows("discovery_shortlists")).rstrip())
 
 
 def measured_cells(results: Results) -> str:

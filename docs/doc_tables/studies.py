@@ -7,11 +7,8 @@ from bsa.experiments.campaign.statistics import compare
 from bsa.experiments.campaign.summary import exact_interval, geometric_mean, grouped, statistic
 from bsa.experiments.campaign.text_tables import Entry, bold, brief, markdown_table, spread, table_of
 from bsa.experiments.studies.coverage import FIT_POINTS, coverage_table, excesses
-from bsa.experiments.studies.evaluation import evaluation_table
-from bsa.experiments.studies.models import cards_table
 from bsa.experiments.studies.no_harm import summary, verdict_of
 from bsa.experiments.studies.recovery import recovery_table
-from bsa.experiments.studies.warmup import warm_up_table
 
 from .results import Results
 
@@ -83,11 +80,6 @@ def ablation(results: Results) -> str:
     return results.framed("ablation", table_of(compare(rows, "full", "mape"), columns), f"Mean errors in %: {means}.")
 
 
-def evaluation(results: Results) -> str:
-    """What one evaluation costs."""
-    return results.framed("evaluation", evaluation_table(results.rows("evaluation")))
-
-
 def runtime(results: Results) -> str:
     """Where the time of a run goes."""
     rows = results.rows("runtime")
@@ -136,11 +128,6 @@ def recovery(results: Results) -> str:
     )
     table, remarks = recovery_table(rows, held)
     return results.framed("recovery held_out", table, "\n".join([earlier, *remarks]))
-
-
-def warm_up(results: Results) -> str:
-    """Random against proposed perturbations before the first round."""
-    return results.framed("warmup", warm_up_table(results.rows("warmup")))
 
 
 def grid_cost(results: Results) -> str:
@@ -203,8 +190,3 @@ def by_hand(results: Results) -> str:
         "tokens a reply": lambda row: f"{row['reply_tokens'] / row['calls']:.0f}",
     }
     return results.framed("by_hand", table_of(results.rows("by_hand"), columns))
-
-
-def models(results: Results) -> str:
-    """The cards of language models, a column each."""
-    return results.framed("models", cards_table(results.rows("models")))

@@ -223,11 +223,11 @@ def calibrate(
 
 def _names_a_task(data: Any) -> bool:
     """Whether it is a task, or the name of one, and no records."""
-    from ..tasks.task_file import SUFFIXES
+    from ..tasks.task_file import is_task_file
 
     if isinstance(data, (str, Path)):
         path, _ = file_and_part(data)
-        return path.suffix in SUFFIXES or (not path.suffix and not path.exists())
+        return is_task_file(path) or (not path.suffix and not path.exists())
     return data is None or isinstance(data, Task)
 
 

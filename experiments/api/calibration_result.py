@@ -151,21 +151,17 @@ class CalibrationResult:
             If the data cannot be read, or was fitted.
         """
         from ..checked_options import simulation_workers
-        from ..new_folder import new_folder
-        from ..predict import predict_records, write_scores
+        from ..predict import predicted
         from ..read_options import readings
-        from ..run_names import named_after, numbered_folder
         from .prediction_result import PredictionResult
 
         unknown = sorted(set(options) - set(READING))
         if unknown:
             raise BsaError(f'there is no option "{unknown[0]}" for reading.', did_you_mean(unknown[0], READING))
         records = records_of(data, None, readings(**options), initial_soc)
-        name = named_after(records.sources)
-        place = Path(out) if out is not None else numbered_folder(self.folder / "predictions", name)
-        with new_folder(place) as folder:
-            scored = predict_records(self.folder, records.requests(), simulation_workers(workers))
-            return PredictionResult(folder, write_scores(scored, folder), scored)
+        place = None if out is None else Path(out)
+        scored, page = predicted(self.folder, records, place, simulation_workers(workers))
+        return PredictionResult(page.parent, page, scored)
 
     def to_json(self) -> dict[str, Any]:
         """The contents of ``result.json``: plain dicts, lists, strings and numbers.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ...core.discovery.discovery import Discovery
 from ...core.discovery.explanation import Estimate
 from ..report.base_parameters import base_parameters
+from ..report.page import FILE_NAME as REPORT
 from ..report.wording import number, quantity
 from .notebook import pictures_of, render
 from .scripts import namespace_of
@@ -78,7 +79,7 @@ class DiscoveryResult:
     @property
     def report(self) -> Path:
         """The report, one self-contained page."""
-        return self.folder / "report.html"
+        return self.folder / REPORT
 
     @property
     def parameter_values(self) -> pybamm.ParameterValues:

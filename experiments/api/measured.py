@@ -126,7 +126,7 @@ def source(data: Data, options: ReadOptions, number: int) -> Path | Record:
     if not isinstance(data, Record):
         return _read_frame(data, options, f"DataFrame {number}")
     if options != ReadOptions():
-        given = ", ".join(sorted(FIELDS.get(name, name) for name in options.model_fields_set - _left(options)))
+        given = ", ".join(sorted(FIELDS.get(name, name) for name in options.model_dump(exclude_defaults=True)))
         raise BsaError(
             f"options for reading ({given}) were given for {shown(data.name)}, which is read already.",
             "give them to read_record instead.",
@@ -159,12 +159,6 @@ def records_of(
     found = [source(one, how.options, number) for number, (one, how) in enumerate(read, 1)]
     socs = as_numbers(initial_soc, "--initial-soc")
     return Records(found[: len(fitted)], found[len(fitted) :], reads, socs, **how)
-
-
-def _left(options: ReadOptions) -> set[str]:
-    """The options that are as they are by default."""
-    default = ReadOptions()
-    return {name for name in type(options).model_fields if getattr(options, name) == getattr(default, name)}
 
 
 def _read_frame(data: Any, options: ReadOptions, name: str) -> Record:

@@ -8,6 +8,7 @@ from ...core.messages import Usage
 from ...core.metrics import objective_of
 from ...core.printable import shown
 from ...core.proposal import Proposal
+from ...core.run.listener import Listener
 from ...core.task import Task
 from ...core.trial import Phase, Trial
 
@@ -39,8 +40,8 @@ class Bar:
         self._bar.close()
 
 
-class CalibrationBar(Bar):
-    """The listener of a calibration."""
+class CalibrationBar(Bar, Listener):
+    """The listener of a calibration; it shows no notes, which the journal and the report keep."""
 
     def __init__(self, task: Task, simulations: int, visible: bool) -> None:
         super().__init__(simulations, "simulations", visible)
@@ -68,9 +69,6 @@ class CalibrationBar(Bar):
     def _describe(self, stage: str) -> None:
         self._stage = stage
         self._bar.set_description_str(stage)
-
-    def noted(self, text: str) -> None:
-        """See `Listener.noted`: the journal and the report keep notes."""
 
 
 class DiscoveryBar(Bar):

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...backends.opening import on_own_machines
+from ...core.contracts.registry import installed
 from ...core.errors import BsaError
 from ...core.run.budget import simulated
 from ...core.run.journal import read_events
@@ -25,8 +26,9 @@ _SPENT = ("wall_s", "tokens", "llm_calls")
 _START_S = 12.0
 """Starting a simulator, compiling the model, two scores on the standard mesh; on a core of its own."""
 
-_SIMULATION_S = {"ORegan2022": 4.5}
-_USUAL_SIMULATION_S = 0.4
+_SIMULATION_S = {"ORegan2022": 5.6}
+_USUAL_SIMULATION_S = 0.6
+"""One simulation of a search: medians over the runs of ``docs/results/published.csv``."""
 
 _CALL_TOKENS = 4500
 """Prompt and reply of one round: 12,600 and 800 characters on the full scaffold with nine parameters (means of 650
@@ -112,7 +114,7 @@ def need_of(cell: Calibration, past: Experience) -> Need:
     What finished cells took is scaled to its budget.
     """
     config = cell.config
-    asks = config.scaffold.proposer.use in ("agent", "hybrid")
+    asks = installed().find("proposer", config.scaffold.proposer.use).entry.asks_model
     rounds = config.rounds + (1 if config.warm_up and config.scaffold.warm_up else 0)
     calls = rounds * int(cell.backend.options.get("votes") or 1) if asks else 0
     known = past.get((cell.task.chemistry, config.scaffold.name, cell.backend.use))

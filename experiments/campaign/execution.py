@@ -68,8 +68,8 @@ class Watcher(Protocol):
     def noted(self, text: str) -> None:
         """Something worth saying happened."""
 
-    def tick(self, running: int, waiting: int, elsewhere: int) -> None:
-        """Time passed."""
+    def tick(self, elsewhere: int) -> None:
+        """Time passed; other processes have so many cells."""
 
 
 @dataclass
@@ -111,7 +111,7 @@ def run_cells(
             state.todo.append(cell)
         else:
             _end(state, watcher, cell, Report(identity, "done", result), found=True)
-    manned = time.monotonic()
+    last_worker_at = time.monotonic()
     while state.todo or state.running or state.elsewhere:
         spent = _spent(state, allowance or Allowance())
         while state.todo and pool.free > 0 and not spent:
@@ -127,11 +127,11 @@ def run_cells(
             time.sleep(_LOOK_AGAIN_S / 4)
         _look_again(state)
         if pool.workers:
-            manned = time.monotonic()
-        elif time.monotonic() - manned > NOBODY_S:
+            last_worker_at = time.monotonic()
+        elif time.monotonic() - last_worker_at > NOBODY_S:
             watcher.noted(f"no worker for {NOBODY_S:.0f} s; waiting for one")
-            manned = time.monotonic()
-        watcher.tick(len(state.running), len(state.todo), len(state.elsewhere))
+            last_worker_at = time.monotonic()
+        watcher.tick(len(state.elsewhere))
     return state.reports
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from pydantic import BaseModel, Field, NonNegativeInt, field_validator
 
@@ -11,6 +11,7 @@ from ...core.errors import BsaError, unknown
 from ...core.scaffold import PluginChoice, Scaffold
 from ...core.validation import validated
 from ...core.yaml_text import YAML_SUFFIXES, read_yaml
+from ..suite.selection import Suite
 from .cell import Axis
 
 SHIPPED = Path(__file__).parent.parent / "grids"
@@ -19,7 +20,7 @@ SHIPPED = Path(__file__).parent.parent / "grids"
 class SuiteFilter(BaseModel, extra="forbid"):
     """A part of a benchmark suite."""
 
-    suite: Literal["published", "generated", "random", "lives"] = Field(description="Which suite.")
+    suite: Suite = Field(description="Which suite.")
     mode: str | None = Field(None, description="Only cases of this mode: regular, extreme, sei.")
     chemistry: str | list[str] | None = Field(None, description="Only cases on these parameter sets.")
     rates: str | list[str] | None = Field(None, description='Only these rates, charge/discharge: "1C/2C".')

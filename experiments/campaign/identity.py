@@ -54,7 +54,7 @@ def versions_of(plugins: tuple[tuple[str, str], ...]) -> tuple[tuple[str, str], 
     for kind, name in plugins:
         listing = listings.get((kind, name))
         if listing is not None and not listing.own:
-            found[f"{kind} {name}"] = f"{listing.origin} {plugin_digest(_distribution(listing))}"
+            found[f"{kind} {name}"] = f"{listing.origin} {plugin_digest(listing.origin.rpartition(' ')[0])}"
     return tuple(sorted(found.items()))
 
 
@@ -104,10 +104,6 @@ def _places(module: str) -> list[Path]:
     if spec.submodule_search_locations is not None:
         return [Path(place) for place in spec.submodule_search_locations]
     return [Path(spec.origin)] if spec.has_location and spec.origin else []
-
-
-def _distribution(listing: Listing) -> str:
-    return listing.origin.rpartition(" ")[0]
 
 
 def _plugins(config: RunConfig) -> tuple[tuple[str, str], ...]:

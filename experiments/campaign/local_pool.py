@@ -14,7 +14,8 @@ from .cell import Order, Report, carry_out
 
 CELLS_PER_WORKER = 500
 MEMORY_LIMIT_MB = 1500.0
-"""A worker that has grown past this is replaced after its cell; its simulator is a process of its own."""
+"""A worker that has run so many cells, or has grown past this, is replaced after its cell, whatever leaks in it; its
+simulator is a process of its own. ``--memory-limit`` has the same default."""
 
 
 def _serve(connection: Connection, at_once: bool) -> None:

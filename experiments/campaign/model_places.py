@@ -35,7 +35,7 @@ class SharedBackend(BackendAround):
         """See `Backend.complete`; waits for a place first."""
         wait_s = _FIRST_WAIT_S
         while True:
-            # Begun anywhere, so that processes do not all knock at the first door.
+            # From a random place, so that processes do not all contend for the first one.
             start = random.randrange(self._places)
             for turn in range(self._places):
                 lock = FileLock(self._folder / str((start + turn) % self._places), timeout=0)

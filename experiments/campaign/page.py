@@ -12,18 +12,19 @@ from typing import Any
 
 from markupsafe import Markup
 
-from ...core.contracts.reply_parsing import strip_control
 from ...core.errors import BsaError
 from ...core.files import write_text
+from ...core.printable import one_line
+from ..report.page import FILE_NAME as REPORT
 from ..report.page import build_report, check_page
 from ..report.templates import template
-from ..report.wording import clipped, quantity, short_name
+from ..report.wording import quantity, short_name
 from ..run_record import Round, read_run
 from .columns import COLUMNS
 from .figures import draw_all
 from .store import Store
 from .summary import Row
-from .tables import EFFORT, RESULTS, effort, label_of, open_campaign
+from .tables import EFFORT, effort, label_of, open_campaign
 
 FILE_NAME = "index.html"
 
@@ -43,7 +44,7 @@ _CAPTIONS = {
 
 
 def build_page(
-    grid: str | Path, store: Path = RESULTS, out: Path | None = None, full: bool = False, metric: str = "mape"
+    grid: str | Path, store: Path, out: Path | None = None, full: bool = False, metric: str = "mape"
 ) -> Path:
     """Write the page of a campaign: ``bsa report GRID``.
 
@@ -104,8 +105,8 @@ def _runs(rows: Sequence[Row], store: Store, here: Path) -> dict[str, Any]:
         content: dict[str, Any] = {}
         with suppress(BsaError):  # a run without a single simulation tells nothing, and a discovery has no rounds
             content = _run_record(folder) if embed else {}
-        if (folder / "report.html").is_file():
-            content["report"] = Path(os.path.relpath(folder / "report.html", here)).as_posix()
+        if (folder / REPORT).is_file():
+            content["report"] = Path(os.path.relpath(folder / REPORT, here)).as_posix()
         if content:
             runs[row["identity"]] = content
     return runs
@@ -125,7 +126,7 @@ def _run_record(folder: Path) -> dict[str, Any]:
             ]
             for parameter in run.task.space
         ],
-        "notes": [_words(note, 200) for note in run.notes[:5]],
+        "notes": [one_line(note, 200) for note in run.notes[:5]],
     }
 
 
@@ -134,16 +135,12 @@ def _round(item: Round) -> dict[str, Any]:
     return {
         "phase": item.phase,
         "number": item.number,
-        "words": _words(f"lost: {item.lost}" if item.lost else item.hypothesis or item.rationale or item.action, 280),
-        "updates": _words(", ".join(f"{short_name(name)} {value}" for name, value in item.updates.items()), 280),
+        "words": one_line(f"lost: {item.lost}" if item.lost else item.hypothesis or item.rationale or item.action, 280),
+        "updates": one_line(", ".join(f"{short_name(name)} {value}" for name, value in item.updates.items()), 280),
         "simulations": len(item.trials),
         "best": None if best is None or not best.ok else _rounded(best.objective),
         "improved": item.improved,
     }
-
-
-def _words(text: str, most: int) -> str:
-    return clipped(" ".join(strip_control(text).split()), most)
 
 
 def _rounded(value: float) -> float:

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TextIO
 
-from ..cli.progress import Redrawn, printable
+from ...core.printable import one_line
+from ..cli.progress import Redrawn
 from ..report.wording import duration, number
 from .cell import Cell, Report
 from .store import best_score
@@ -66,7 +67,7 @@ class _Counting(ABC):
         for tally in (self.tallies[_method(cell)], self.total):
             tally.best = min(tally.best, objective_of(report))
         if report.state in ("failed", "stopped", "lost"):
-            self.say(f"{named(cell)}: {report.state}: {printable(report.reason or 'interrupted', 300)}")
+            self.say(f"{named(cell)}: {report.state}: {one_line(report.reason or 'interrupted', 300)}")
 
     def busy(self, cell: Cell) -> None:
         """See `Watcher.busy`."""
@@ -75,7 +76,7 @@ class _Counting(ABC):
     def lost(self, cell: Cell, reason: str) -> None:
         """See `Watcher.lost`."""
         self._count(cell, "running", -1)
-        self.say(f"{named(cell)}: {printable(reason, 200)}; run again")
+        self.say(f"{named(cell)}: {one_line(reason, 200)}; run again")
 
     def noted(self, text: str) -> None:
         """See `Watcher.noted`."""
@@ -100,16 +101,16 @@ def objective_of(report: Report) -> float:
 
 
 def _method(cell: Cell) -> str:
-    return printable(f"{cell.axes.scaffold} · {cell.axes.backend}")
+    return one_line(f"{cell.axes.scaffold} · {cell.axes.backend}")
 
 
 def named(cell: Cell) -> str:
     """A cell in words."""
-    return f"{printable(cell.axes.task)} · {_method(cell)} · seed {cell.axes.seed}"
+    return f"{one_line(cell.axes.task)} · {_method(cell)} · seed {cell.axes.seed}"
 
 
 class PlainCampaign(_Counting):
-    """A line for every cell; where they come thick and fast, a line every few seconds.
+    """A line for every cell; where cells end within 5 s of each other, a line every 5 s.
 
     Written to standard error by default.
     """
@@ -139,7 +140,7 @@ class PlainCampaign(_Counting):
         """Print a line."""
         print(line, file=self._stream, flush=True)
 
-    def tick(self, running: int, waiting: int, elsewhere: int) -> None:
+    def tick(self, elsewhere: int) -> None:
         """See `Watcher.tick`."""
 
     def __enter__(self) -> PlainCampaign:
@@ -160,7 +161,7 @@ class LiveCampaign(Redrawn, _Counting):
         self._elsewhere = 0
         Redrawn.__init__(self)
 
-    def tick(self, running: int, waiting: int, elsewhere: int) -> None:
+    def tick(self, elsewhere: int) -> None:
         """See `Watcher.tick`."""
         self._elsewhere = elsewhere
 

@@ -1,10 +1,10 @@
 """A whole campaign from its description to its results."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 from ...backends.opening import check_backend
 from ...core.contracts.registry import installed
@@ -20,10 +20,6 @@ from .summary import Row
 from .task_sources import Say
 
 Kind = TypeVar("Kind", bound=Cell, covariant=True)
-
-
-class WatcherContext(Watcher, AbstractContextManager["WatcherContext"], Protocol):
-    """A watcher that is opened and closed around a campaign."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +101,7 @@ def _check_plugins(cells: Sequence[Calibration]) -> None:
 def run_campaign(
     plan: Plan[Cell],
     pool: Pool,
-    watch: Callable[[Plan[Cell], Pool], WatcherContext],
+    watching: AbstractContextManager[Watcher],
     allowance: Allowance | None = None,
 ) -> tuple[list[Row], list[str]]:
     """Run what is missing and write the tidy table, however the campaign ends.
@@ -116,7 +112,7 @@ def run_campaign(
     manifest = write_manifest(plan.about, plan.cells, plan.folder)
     reports: dict[str, Report] = {}
     try:
-        with watch(plan, pool) as watcher:
+        with watching as watcher:
             reports = run_cells(plan.chosen, plan.store, pool, watcher, allowance)
     finally:
         pool.close()

@@ -114,7 +114,7 @@ def wilcoxon(differences: FloatArray) -> float:
     return float(result.pvalue)
 
 
-def bootstrap(values: FloatArray, level: float = LEVEL) -> tuple[float, float]:
+def bootstrap(values: FloatArray) -> tuple[float, float]:
     """Bias-corrected and accelerated interval of the mean; the same numbers give the same interval."""
     if len(values) < 2 or np.ptp(values) == 0.0:
         only = float(values[0]) if len(values) else math.nan
@@ -122,7 +122,7 @@ def bootstrap(values: FloatArray, level: float = LEVEL) -> tuple[float, float]:
     from scipy import stats
 
     result = stats.bootstrap(
-        (values,), np.mean, confidence_level=1 - level, n_resamples=_RESAMPLES, rng=np.random.default_rng(_SEED)
+        (values,), np.mean, confidence_level=1 - LEVEL, n_resamples=_RESAMPLES, rng=np.random.default_rng(_SEED)
     ).confidence_interval
     return float(result.low), float(result.high)
 

@@ -1,6 +1,5 @@
 """Tables of a campaign in the paper's form, as Markdown and LaTeX: mean ± std, best bold, second underlined."""
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +9,7 @@ from ...core.comparison.signal_metrics import MISFIT
 from ...core.errors import unknown
 from ...core.files import begins, entries, foreign, write_text
 from ...core.printable import counted
-from ..report.wording import NOTHING
+from ..report.wording import number
 from .columns import COLUMNS
 from .results import grid_folder, read_manifest, rows_of, store_of, write_rows
 from .statistics import Comparison, compare
@@ -26,8 +25,6 @@ OF_NO_CELL = {"objective": f"{MISFIT.label}, {MISFIT.unit}"}
 
 EFFORT = {column.name: column.effort for column in COLUMNS if column.effort}
 """What a run spends, by column."""
-
-RESULTS = Path("results")
 
 
 @dataclass(frozen=True)
@@ -83,7 +80,7 @@ class Campaign:
         return [block for name in shown_metrics(self.rows) for block in blocks(self.rows, name, quoting)]
 
 
-def open_campaign(grid: str | Path, store: Path = RESULTS, metric: str = "mape") -> Campaign:
+def open_campaign(grid: str | Path, store: Path, metric: str = "mape") -> Campaign:
     """A campaign that was run.
 
     ``metric`` is the error that is compared and drawn, if its tasks have it. Raises `BsaError` if it has not been run
@@ -98,7 +95,7 @@ def open_campaign(grid: str | Path, store: Path = RESULTS, metric: str = "mape")
     return Campaign(manifest["grid"], manifest["methods"], rows, place, folder, compared_metric(rows, metric))
 
 
-def tables(grid: str | Path, store: Path = RESULTS, out: Path | None = None, metric: str = "mape") -> list[Path]:
+def tables(grid: str | Path, store: Path, out: Path | None = None, metric: str = "mape") -> list[Path]:
     """Write the tables and figures of a campaign: ``bsa bench tables``.
 
     They go to the campaign's folder by default, and show all of `shown_metrics`. Gives what was written: ``cells.csv``,
@@ -178,7 +175,7 @@ def markdown(campaign: Campaign) -> str:
             "cases, bootstrap 95 % interval; Wilcoxon signed-rank, Holm-corrected)"
         )
         parts.append(f"{title}\n\n{table_of(campaign.comparisons, _COMPARED)}")
-    spent = [[method, *(_digits(value) for value in values)] for method, values in effort(campaign.rows).items()]
+    spent = [[method, *map(number, values)] for method, values in effort(campaign.rows).items()]
     parts.append(f"**effort, mean a cell**\n\n{markdown_table(['method', *EFFORT.values()], spent)}")
     return "\n\n".join(parts) + "\n"
 
@@ -238,7 +235,3 @@ def effort(rows: Sequence[Row]) -> dict[str, list[float]]:
     """Means of `EFFORT` by method, finished cells only; of cells that know it, as a price, and NaN where none does."""
     done = [row for row in rows if row["state"] == "done"]
     return {method: [mean_of(mine, name) for name in EFFORT] for method, mine in grouped(done, "method").items()}
-
-
-def _digits(value: float) -> str:
-    return NOTHING if math.isnan(value) else f"{value:.4g}"

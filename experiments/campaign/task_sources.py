@@ -10,7 +10,7 @@ from ...core.errors import BsaError, did_you_mean
 from ...core.files import read_json, write_json
 from ...core.run.run_config import hash_of
 from ...core.task import Task
-from ..suite.case import Noise, SuiteCase
+from ..suite.case import SuiteCase
 from ..suite.selection import choose, load_suite
 from ..suite.starts import start_name, started
 from .calibration import TaskLabel
@@ -62,11 +62,11 @@ def _own(name: str, store: Store, near: Path) -> TaskLabel:
 
 def _read(name: str, near: Path) -> Task:
     from ..tasks.find import find_task
-    from ..tasks.task_file import SUFFIXES
+    from ..tasks.task_file import is_task_file
 
     path = Path(name)
     beside = near / path
-    return find_task(str(beside if path.suffix in SUFFIXES and beside.is_file() else path))
+    return find_task(str(beside if is_task_file(path) and beside.is_file() else path))
 
 
 def _from_suite(wanted: SuiteFilter, store: Store, say: Say, make: bool) -> Iterator[TaskLabel]:
@@ -92,7 +92,7 @@ def suite_cases(wanted: SuiteFilter) -> dict[str, SuiteCase]:
         wanted.folder,
         seed=wanted.draw,
         count=count if wanted.chemistry is None else 8 * count,
-        noise=Noise(voltage_v=wanted.noise_mv / 1e3),
+        noise_v=wanted.noise_mv / 1e3,
     )
     for attribute, value in (("mode", wanted.mode), ("parameter_set", wanted.chemistry), ("rates", wanted.rates)):
         allowed = [value] if isinstance(value, str) else value

@@ -10,6 +10,7 @@ from ...core.files import read_json
 from ...core.messages import Usage
 from ...core.proposal import Proposal
 from ...core.run.journal import read_events
+from ...core.run.listener import Listener
 from ...core.shape import shaped
 from ...core.trial import Phase, Trial
 from .store import TRACE
@@ -52,7 +53,7 @@ class Trace:
         return found is not None and (before is None or found < before)
 
 
-class Stopwatch:
+class Stopwatch(Listener):
     """A listener that reads the clock when proposals and trials come by.
 
     ``resumed``: the run was begun by an earlier process, whose times are not known.
@@ -88,15 +89,6 @@ class Stopwatch:
             self.rounds[-1] = RoundTime(
                 last.proposer_s, last.backend_s + backend_s, last.round_s + spent, last.simulations + 1
             )
-
-    def counted(self, purpose: str, done: int, total: int) -> None:
-        """See `Listener.counted`."""
-
-    def cycled(self, cycle: int, cycles: int) -> None:
-        """See `Listener.cycled`."""
-
-    def noted(self, text: str) -> None:
-        """See `Listener.noted`."""
 
 
 def read_trace(folder: Path) -> Trace:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 bench_app = typer.Typer(help="Run the studies: one command each, seeded, resumable.", no_args_is_help=True)
 
-Suite = Annotated[str, shared.records_option(metavar="NAME", help="published, generated or random.")]
+Suite = Annotated[str, shared.records_option(metavar="NAME", help="published, generated, random or lives.")]
 Published = Annotated[
     Path | None,
     shared.records_option(
@@ -122,7 +122,7 @@ def _study(grid: GridFile, execution: Execution, out: Path | None, analyse: Anal
 def _choice(model: shared.LanguageModel) -> BackendChoice:
     from ..campaign.grid_file import BackendChoice
 
-    return BackendChoice(use=model.backend or "rules", options=model.options)
+    return BackendChoice(use=model.backend or "rules", options=model.options())
 
 
 @bench_app.command("suite")

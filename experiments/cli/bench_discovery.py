@@ -153,7 +153,7 @@ def run_command(
     results: Results = DISCOVERY,
 ) -> None:
     """Run the cases that have no result yet; a language model, if one is named, ranks effects too."""
-    asked = {"backend": model.backend, "backend_options": model.options, "hide_names": hide_names}
+    asked = {"backend": model.backend, "backend_options": model.options(), "hide_names": hide_names}
     finish(_run(folder, results, "discovery", execution, only, asked))
 
 
@@ -210,7 +210,7 @@ def shortlist_command(folder: Folder, only: Only = None, *, execution: Executors
     from ..discovery_bench.reports import write_reports
     from ..discovery_bench.shortlists import SHORTLISTS, shortlist_places, shortlist_table
 
-    asked = {"backend": model.backend, "backend_options": model.options}
+    asked = {"backend": model.backend, "backend_options": model.options()}
     rows = _run(folder, SHORTLISTS, "shortlist", execution, only, asked)
     places = shortlist_places(folder)
     print(shortlist_table(places))

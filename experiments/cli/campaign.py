@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ...core.errors import BsaError
-from ...core.printable import counted, shown
+from ...core.printable import counted, one_line, shown
 from . import completion
 from . import shared_options as shared
 from .exit_codes import INTERRUPTED
 from .option_groups import with_options
 
 if TYPE_CHECKING:
-    from ..campaign.cell import Cell
     from ..campaign.execution import Allowance, Pool
-    from ..campaign.running import Plan, WatcherContext
+    from ..campaign.progress import LiveCampaign, PlainCampaign
+    from ..campaign.running import Plan
     from ..campaign.study_cell import StudyCell, Table
     from ..campaign.summary import Row
 
@@ -73,7 +73,7 @@ class Executors:
             _print_estimate(plan, self.workers or os.cpu_count() or 1)
             raise typer.Exit
         try:
-            rows, remarks = run_campaign(plan, self._pool(), _watcher, self._allowance)
+            rows, remarks = run_campaign(plan, self._pool(), _watcher(plan), self._allowance)
         except KeyboardInterrupt:
             say("Stopped: interrupted. The same command goes on where it was; what is finished is kept.")
             raise typer.Exit(INTERRUPTED) from None
@@ -194,7 +194,7 @@ def _check_of_run(run: str, given: list[str]) -> None:
         )
 
 
-def _watcher(plan: Plan[Cell], pool: Pool) -> WatcherContext:
+def _watcher(plan: Plan[Any]) -> LiveCampaign | PlainCampaign:
     from ..campaign.progress import LiveCampaign, PlainCampaign
 
     if sys.stderr.isatty():
@@ -211,19 +211,18 @@ def _print_estimate(plan: Plan[Any], workers: int) -> None:
     from ..campaign.calibration import Calibration
     from ..campaign.estimate import Need, estimate
     from ..report.wording import duration
-    from .progress import printable
 
     left = [cell for cell in plan.chosen if not (cell.identity and plan.store.result(cell.identity))]
     print(f"{plan.name}: {counted(len(plan.chosen), 'run')}, {len(plan.chosen) - len(left)} of them finished already")
     calibrations = [cell for cell in plan.chosen if isinstance(cell, Calibration)]
     if not calibrations:  # An item of a study has no budget by which its time could be told.
         for cell in left:
-            print("  " + printable(": ".join(filter(None, (cell.axes.task, cell.trouble))), 400))
+            print("  " + one_line(": ".join(filter(None, (cell.axes.task, cell.trouble))), 400))
         return
     total = Need()
     for name, need in estimate(calibrations, plan.store).items():
         total = total + need
-        print(f"  {printable(name):40s} {_words(need)}")
+        print(f"  {one_line(name):40s} {_words(need)}")
     print(f"  {'to be run':40s} {_words(total)}")
     rule = "from finished cells" if total.learnt else "by rule of thumb: run a few cells, and the estimate learns"
     print(f"About {duration(total.seconds / workers)} with {counted(workers, 'worker')} ({rule}).")
@@ -240,13 +239,12 @@ def _words(need: Any) -> str:
 def print_outcome(plan: Plan[Any], rows: list[Row]) -> None:
     """Print the errors by method, and where the table lies."""
     from ..campaign.tables import blocks, compared_metric
-    from .progress import printable
 
     for block in blocks(rows, compared_metric(rows, "mape")):
-        print("\n" + printable(f"{block.title}: {', '.join(block.columns)}", 400))
+        print("\n" + one_line(f"{block.title}: {', '.join(block.columns)}", 400))
         for method, values in block.rows.items():
             entries = ", ".join("–" if value is None else str(value) for value in values)
-            print(f"  {printable(method):32s} {entries}")
+            print(f"  {one_line(method):32s} {entries}")
     where = plan.name if plan.folder == plan.store.grid(plan.name) else plan.folder
     elsewhere = "" if plan.store.root == RESULTS else f" --store {plan.store.root}"
     print(f"\n{plan.folder / 'cells.csv'}\nbsa report {where}{elsewhere} writes the page.")
@@ -257,19 +255,17 @@ def finish(rows: list[Row]) -> None:
 
     Raises `BsaError` if no cell could be begun: no item of the study has its file.
     """
-    from .progress import printable
-
     if rows and all(row["state"] == "failed" and not row["identity"] for row in rows):
-        raise BsaError(printable(rows[0]["reason"], 400), "check the path that the study reads.")
+        raise BsaError(one_line(rows[0]["reason"], 400), "check the path that the study reads.")
     for state in ("failed", "stopped", "missing"):
         left = [row for row in rows if row["state"] == state]
         if left:
-            why = printable(f"{left[0]['task']}: {left[0]['reason']}", 400)
+            why = one_line(f"{left[0]['task']}: {left[0]['reason']}", 400)
             reason = f": {why}" if left[0]["reason"] else ""
             them = "it" if len(left) == 1 else "them"
             again = f"goes on with {them}" if state == "stopped" else f"runs {them} again"
             end = "" if reason.endswith(".") else "."
-            # A cell whose task could not be made has no identity: first its cause is to be mended.
+            # A cell whose task could not be made has no identity: first its cause is to be resolved.
             what_next = f" The same command {again}." if any(row["identity"] for row in left) else ""
             say(f"{counted(len(left), 'cell')} {state}{reason}{end}{what_next}")
     if any(row["state"] != "done" for row in rows):

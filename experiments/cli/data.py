@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ...core.contracts.reply_parsing import strip_control
 from ...core.errors import BsaError
 from ...core.files import begins, foreign
-from ...core.printable import shown
+from ...core.printable import shown, strip_control
 from ...core.reading.part_of_file import file_and_part
 from . import shared_options as shared
 from .option_groups import with_options

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ...core.errors import BsaError
+from ...core.printable import one_line
 from . import completion
 from . import shared_options as shared
 from .exit_codes import STOPPED
 from .option_groups import with_options
-from .progress import printable
 from .resumable import resumable
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 
 @with_options(shared.Reading)
+@with_options(shared.LanguageModel)
 def discover(
     context: typer.Context,
     *,
@@ -76,15 +77,7 @@ def discover(
     ] = 2,
     seed: shared.Seed = 0,
     workers: shared.SimulationWorkers = 0,
-    backend: Annotated[
-        str | None,
-        shared.language_model_option(
-            metavar="NAME", help="Language model that ranks effects too.", autocompletion=completion.backends
-        ),
-    ] = None,
-    via: shared.Via = None,
-    base_url: shared.BaseUrl = None,
-    backend_option: shared.BackendOption = None,
+    language_model: shared.LanguageModel,
     out: Annotated[
         Path | None,
         shared.output_option(metavar="FOLDER", help="Folder of the discovery; default: runs/<record>-discover-<n>."),
@@ -92,7 +85,10 @@ def discover(
     resume: shared.Resume = None,
     as_json: Annotated[bool, shared.output_option("--json", help="Print discovery.json to standard output.")] = False,
 ) -> None:
-    """Find where a model and measured records disagree, name the missing effect, add it, show the gap shrink."""
+    """Find where a model and measured records disagree, name the missing effect, add it, show the gap shrink.
+
+    A language model, if one is named, ranks effects too.
+    """
     from ..discovery_case import discover_options, reference_files
     from ..run_settings import key_values
     from ..task_request import Records
@@ -124,8 +120,8 @@ def discover(
         search=search,
         effects=effect,
         effect_options=key_values(effect_option, "--effect-option"),
-        backend=backend,
-        backend_options=shared.reaching(via, base_url, backend_option),
+        backend=language_model.backend,
+        backend_options=language_model.options(),
         reference=reference_files(reference or (), reading.readings(join)),
         max_effects=max_effects,
         seed=seed,
@@ -138,13 +134,14 @@ def _carry_out(asked: DiscoverOptions, workers: int, as_json: bool) -> None:
     from ..checked_options import simulation_workers
     from ..discover import discover as find
     from ..report.discovery_lines import found_lines
+    from ..report.page import FILE_NAME as REPORT
 
     go_on = f"bsa discover --resume {shlex.quote(str(asked.out))}"
     try:
         with resumable(asked.out, go_on):
             found = find(asked, _Said(f"discovery → {asked.out}"), simulation_workers(workers))
     except (KeyboardInterrupt, Outage) as stopped:
-        why = "interrupted" if isinstance(stopped, KeyboardInterrupt) else printable(str(stopped), 400)
+        why = "interrupted" if isinstance(stopped, KeyboardInterrupt) else one_line(str(stopped), 400)
         print(f"Stopped: {why}. Go on with: {go_on}", file=sys.stderr)
         raise typer.Exit(STOPPED["interrupted" if isinstance(stopped, KeyboardInterrupt) else "outage"]) from None
     if as_json:
@@ -153,9 +150,9 @@ def _carry_out(asked: DiscoverOptions, workers: int, as_json: bool) -> None:
     print(f"verdict: {found.verdict}")
     print(f"  {found.headline}")
     for line in found_lines(found):
-        print(f"  {printable(line, 300)}")
-    print(f"  {printable(found.findings.reason, 1500)}")
-    print(f"  report: {asked.out / 'report.html'}")
+        print(f"  {one_line(line, 300)}")
+    print(f"  {one_line(found.findings.reason, 1500)}")
+    print(f"  report: {asked.out / REPORT}")
 
 
 class _Said:
@@ -167,4 +164,4 @@ class _Said:
     def __call__(self, text: str) -> None:
         title, self._title = self._title, ""
         for line in (title, text) if title else (text,):
-            print(printable(line, 1500), file=sys.stderr, flush=True)
+            print(one_line(line, 1500), file=sys.stderr, flush=True)

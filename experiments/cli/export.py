@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from ...core.printable import one_line
 from . import shared_options as shared
 
 
@@ -23,7 +24,6 @@ def export(
     """Write the best parameters of a run as BPX or as PyBaMM's parameter values."""
     from ...core.files import foreign, write_text
     from ..export_cell import FILES, exported
-    from .progress import printable
 
     path = out or run / FILES[to]
     if path.exists() and not _is_exported(path):
@@ -31,7 +31,7 @@ def export(
     text, remarks = exported(run, to)
     write_text(path, text)
     for remark in remarks:
-        print(printable(remark, 400))
+        print(one_line(remark, 400))
     print(path)
 
 

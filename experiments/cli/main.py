@@ -11,9 +11,9 @@ import typer
 from ...core.errors import BsaError
 from ...core.files import file_error
 from ...core.messages import Outage
+from ...core.printable import one_line
 from ...core.redaction import redact
 from .exit_codes import INTERRUPTED, OUTAGE, USER_ERROR
-from .progress import printable
 from .shared_options import Version
 
 _LONGEST = 4000
@@ -84,7 +84,7 @@ def _carry_out(commands: typer.Typer) -> NoReturn:
     except BsaError as error:
         _refuse(error)
     except Outage as outage:
-        print(f"Stopped: {printable(str(outage), _LONGEST)}. The same command goes on.", file=sys.stderr)
+        print(f"Stopped: {one_line(str(outage), _LONGEST)}. The same command goes on.", file=sys.stderr)
         sys.exit(OUTAGE)
     except KeyboardInterrupt:
         print("Interrupted.", file=sys.stderr)
@@ -104,7 +104,7 @@ def _carry_out(commands: typer.Typer) -> NoReturn:
 
 def _refuse(error: BsaError) -> NoReturn:
     # Names of files and what they hold are other people's words.
-    print(f"BsaError: {printable(redact(str(error)), _LONGEST)}", file=sys.stderr)
+    print(f"BsaError: {one_line(redact(str(error)), _LONGEST)}", file=sys.stderr)
     sys.exit(USER_ERROR)
 
 

@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 
 from ...core.contracts.kinds import KINDS
+from ...core.printable import one_line
 from . import completion
-from .progress import printable
 
 
 def new_plugin(
@@ -28,6 +28,6 @@ def new_plugin(
     from ..new_plugin.package import write_package
 
     for path in write_package(kind, name, out):
-        print(f"  {printable(str(path), 400)}")
-    folder = printable(str(out or f"bsa-{name}"), 400)
+        print(f"  {one_line(str(path), 400)}")
+    folder = one_line(str(out or f"bsa-{name}"), 400)
     print(f'\nNext: pip install -e "{folder}[test]" && pytest {folder}')

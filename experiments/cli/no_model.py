@@ -12,7 +12,7 @@ NO_MODEL = (
 
 
 class NoModelTold(BackendAround):
-    """The rules backend, which tells at its first call what it is; a scaffold that never asks hears nothing of it."""
+    """The rules backend, which tells at its first call what it is; of a scaffold that never asks nothing is told."""
 
     def __init__(self, inner: Backend, say: Callable[[str], None]) -> None:
         super().__init__(inner)

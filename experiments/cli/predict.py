@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from ...core.printable import one_line
 from . import shared_options as shared
 from .option_groups import with_options
 
@@ -31,17 +32,13 @@ def predict(
 ) -> None:
     """Score records that a run did not fit, with a 95 % band of what its parameters leave open and of its misfit."""
     from ..checked_options import simulation_workers
-    from ..new_folder import new_folder
-    from ..predict import predict_records, write_scores
+    from ..predict import predicted
     from ..report.records import error_rows
-    from ..run_names import named_after, numbered_folder
     from ..task_request import Records
-    from .progress import PlainProgress, note_line, printable
+    from .progress import PlainProgress, note_line
 
     records = Records(data, (), reading.readings(), initial_soc or ())
-    with new_folder(out or numbered_folder(run / "predictions", named_after(data))) as folder:
-        scored = predict_records(run, records.requests(), simulation_workers(workers), PlainProgress(""))
-        page = write_scores(scored, folder)
+    scored, page = predicted(run, records, out, simulation_workers(workers), PlainProgress(""))
     if as_json:
         print(json.dumps(scored.to_json(), indent=2))
         return
@@ -51,5 +48,5 @@ def predict(
         find_out = f"to find out: bsa-run --resume {shlex.quote(str(run))}"
         print(f"note: no 95 % band: the run has not looked for what its record fixes; {find_out}", file=sys.stderr)
     for row in error_rows(scored.run.task, scored.run.records, scored.predictions):
-        print(f"  {printable(row.line, 600)}")
+        print(f"  {one_line(row.line, 600)}")
     print(f"  report: {page}")

@@ -8,9 +8,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Self, TextIO
 
-from ...core.contracts.reply_parsing import strip_control
 from ...core.messages import Usage
-from ...core.printable import counted
+from ...core.printable import counted, one_line, strip_control
+from ...core.run.listener import Listener
 
 if TYPE_CHECKING:
     from rich.panel import Panel
@@ -19,17 +19,11 @@ if TYPE_CHECKING:
     from ...core.trial import Phase, Trial
 
 
-def printable(text: str, limit: int = 200) -> str:
-    """A model's words on one line, without control codes."""
-    line = " ".join(strip_control(text).split())
-    return line if len(line) <= limit else line[: limit - 1] + "…"
-
-
 def note_line(text: str, command: str = "") -> str:
     """A note on one line, cut where it is long, but for a command of our own that it ends with: that can be pasted."""
     if command and text.endswith(command):
-        return f"note: {printable(text.removesuffix(command), 400)} {_typed(command)}"
-    return f"note: {printable(text, 400)}"
+        return f"note: {one_line(text.removesuffix(command), 400)} {_typed(command)}"
+    return f"note: {one_line(text, 400)}"
 
 
 def _typed(command: str) -> str:
@@ -50,7 +44,7 @@ def cycle_words(stage: str, cycle: int, cycles: int) -> str:
     return f"{stage}, cycle {cycle} of {cycles}" if alone == stage else f"{alone}: cycle {cycle} of {cycles}"
 
 
-class PlainProgress:
+class PlainProgress(Listener):
     """Progress as lines.
 
     One for each better trial, for each hypothesis, for each round of a fit that does something else than the one
@@ -84,7 +78,7 @@ class PlainProgress:
         self._stage = f"{phase} {number}"
         # Twenty steps of a fit in a row would be twenty equal lines; a model's hypothesis counts as news.
         if proposal.hypothesis or words != self._words or self._silent:
-            self._say(f"{self._stage}: {printable(words)}")
+            self._say(f"{self._stage}: {one_line(words)}")
         self._words = words
 
     def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
@@ -92,14 +86,14 @@ class PlainProgress:
         reduced = "" if trial.reduction is None else f" {trial.reduction.words}"
         if trial.failed:
             cause = trial.failure.cause if trial.failure else "nothing to compare"
-            limit = f"; {printable(trial.failure.limit, 160)}" if trial.failure and trial.failure.limit else ""
-            self._say(f"  simulation {trial.index}{reduced}: failed ({printable(cause, 120)}{limit})")
+            limit = f"; {one_line(trial.failure.limit, 160)}" if trial.failure and trial.failure.limit else ""
+            self._say(f"  simulation {trial.index}{reduced}: failed ({one_line(cause, 120)}{limit})")
         elif reduced:
             self._say(f"  simulation {trial.index}{reduced}: ran")
         elif trial.objective < self._best:
             self._best = trial.objective
             cost = f", {usage.tokens} tokens, {usage.price}" if usage.tokens else ""
-            limits = "".join(f"; {printable(limit, 120)}" for limit in trial.limits)
+            limits = "".join(f"; {one_line(limit, 120)}" for limit in trial.limits)
             self._say(f"  simulation {trial.index}: {trial.objective:.4g} {self._unit}{cost}{limits}")
 
     def counted(self, purpose: str, done: int, total: int) -> None:
@@ -165,7 +159,7 @@ class Redrawn(ABC):
         self._live.console.print(Text(line, style="yellow"), soft_wrap=True)
 
 
-class LiveProgress(Redrawn):
+class LiveProgress(Redrawn, Listener):
     """A panel with where a run stands; ``command`` as in `PlainProgress`."""
 
     def __init__(self, title: str, unit: str, simulations: int, command: str = "") -> None:
@@ -216,7 +210,7 @@ class LiveProgress(Redrawn):
         grid = Table.grid(padding=(0, 2))
         rows = {
             "now": self._state["at"] or self._state["phase"],
-            "hypothesis": printable(self._state["hypothesis"], 160) or "–",
+            "hypothesis": one_line(self._state["hypothesis"], 160) or "–",
             "error": f"{number(self._first)} → {number(self._best)} {self._unit}",
             "simulations": f"{self._state['count']} of {self._simulations}"
             + f" ({self._state['failed']} failed)" * bool(self._state["failed"]),

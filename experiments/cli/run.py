@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ...core.errors import BsaError
-from ...core.printable import counted
+from ...core.printable import counted, one_line
 from ...core.run.journal import FILE_NAME, check_run_folder
 from . import completion
 from . import shared_options as shared
@@ -32,6 +32,7 @@ DEMO = "demo"
 
 
 @with_options(shared.Reading)
+@with_options(shared.LanguageModel, backend="rules")
 def run(
     context: typer.Context,
     task: Annotated[
@@ -140,21 +141,13 @@ def run(
             show_default=False,
         ),
     ] = True,
-    backend: Annotated[
-        str,
-        shared.language_model_option(
-            metavar="NAME", help="A preset, litellm:PROVIDER/MODEL, ...", autocompletion=completion.backends
-        ),
-    ] = "rules",
-    via: shared.Via = None,
-    base_url: shared.BaseUrl = None,
+    language_model: shared.LanguageModel,
     exchange: Annotated[
         Path | None,
         shared.language_model_option(
             metavar="FOLDER", help="Where --backend manual puts prompts and finds replies, for another program."
         ),
     ] = None,
-    backend_option: shared.BackendOption = None,
     votes: Annotated[
         int, shared.language_model_option(min=1, metavar="N", help="Merge this many independent replies a round.")
     ] = 1,
@@ -193,9 +186,7 @@ def run(
     if data and task is not None:
         raise BsaError(f'both a task ("{task}") and --data were given.', "give one of them.")
     budgets = given_budgets(rounds=rounds, warm_up=warmup, simulations=simulations, seed=seed)
-    reached = shared.reaching(
-        via, base_url, backend_option, exchange=exchange, votes=votes if votes > 1 else None, review=review or None
-    )
+    reached = language_model.options(exchange=exchange, votes=votes if votes > 1 else None, review=review or None)
     request = run_request(
         None if data else find_task(task or DEMO),
         Records(
@@ -208,7 +199,7 @@ def run(
             fit_cycles,
         ),
         CellChoice(parameters, model, key_values(options, "--options"), search, ocp, scale, start_from, effect or ()),
-        partial(run_config, scaffold, backend, reached, budgets | key_values(settings, "--set")),
+        partial(run_config, scaffold, language_model.backend or "", reached, budgets | key_values(settings, "--set")),
         weight,
         out,
     )
@@ -251,13 +242,13 @@ def _execute(
     from ...core.metrics import objective_of
     from ..run import execute_run, summary
     from .no_model import NoModelTold
-    from .progress import LiveProgress, PlainProgress, note_line, printable
+    from .progress import LiveProgress, PlainProgress, note_line
 
     task, config, folder = request.task, request.config, request.folder
     unit = objective_of(task).of_unit
     backend, may_not_answer = ready_backend(config.backend, config.backend_options, (folder / FILE_NAME).exists())
     listener: LiveProgress | PlainProgress
-    title = printable(f"{task.name} · {config.scaffold.name} · {backend.name}")
+    title = one_line(f"{task.name} · {config.scaffold.name} · {backend.name}")
     live = sys.stderr.isatty() and not as_json
     if live:
         listener = LiveProgress(title, unit, config.simulations, to_discover)
@@ -292,8 +283,8 @@ def _execute(
     else:
         _print_summary(task, result, folder, _how_to_go_on(result, config, folder, identifiability))
     if result.status in STOPPED:
-        why = printable(result.reason or result.status, 400)
-        print(f"Stopped: {why}. {printable(result.advice, 600) or f'Go on with: {go_on}'}", file=sys.stderr)
+        why = one_line(result.reason or result.status, 400)
+        print(f"Stopped: {why}. {one_line(result.advice, 600) or f'Go on with: {go_on}'}", file=sys.stderr)
         raise typer.Exit(STOPPED[result.status])
     if result.cut_short:
         print(
@@ -326,6 +317,7 @@ def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterabl
     from ...core.comparison.signal_metrics import MISFIT
     from ...core.metrics import headline_of, objective_of
     from ..report.forecast_line import forecast_line
+    from ..report.page import FILE_NAME as REPORT
     from ..report.post_fit import (
         best_score_line,
         caution_line,
@@ -337,7 +329,6 @@ def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterabl
     )
     from ..report.records import error_rows
     from ..report.wording import losses, number
-    from .progress import printable
 
     failed = sum(trial.failed for trial in result.trials)
     lost = f", {result.lost_calls} of {result.llm_calls} model calls lost" * bool(result.lost_calls)
@@ -359,17 +350,17 @@ def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterabl
     if better:
         print(f"  {better}")
     for row in error_rows(task, result.records, result.held_out):
-        print(f"  {printable(row.line, 600)}")
+        print(f"  {one_line(row.line, 600)}")
     for forecast, measured in zip(result.held_out, task.held_out, strict=False):
         if measured.long:
-            print(f"  {printable(forecast_line(forecast, measured), 400)}")
+            print(f"  {one_line(forecast_line(forecast, measured), 400)}")
     if result.analysis is not None:
         verdict = verdict_line(result.analysis, ended_by_itself(result.status, result.reason))
         lines = [verdict, caution_line(result.analysis), groups_line(result.analysis)]
         lines.append(next_line(result.analysis, task.domain))
         print(*(f"  {line}" for line in lines if line), sep="\n")
     if left_out:
-        print(f"  {printable(left_out, 600)}")
+        print(f"  {one_line(left_out, 600)}")
     for line in further:
         print(f"  {line}")
-    print(f"  report: {folder / 'report.html'}")
+    print(f"  report: {folder / REPORT}")

@@ -11,7 +11,6 @@ from ...core.run.journal import FILE_NAME
 from .usage_errors import usage_refused
 
 RECORD_OPTIONS = ("--data", "--holdout", "--reference")
-_TASK_FILES = (".yaml", ".yml", ".json")
 
 
 class RecordsCommand(TyperCommand):
@@ -50,7 +49,9 @@ def one_option_a_file(arguments: Sequence[str]) -> list[str]:
 
 
 def _may_be_a_record(argument: str) -> bool:
+    from ..tasks.task_file import is_task_file
+
     path, _ = file_and_part(argument)
     if (path / FILE_NAME).is_file():  # a run, whose name has a point
         return False
-    return path.suffix.lower() not in _TASK_FILES and (bool(path.suffix) or path.is_file())
+    return not is_task_file(path) and (bool(path.suffix) or path.is_file())

@@ -232,13 +232,6 @@ class Reading:
         return {name: value for name, (value, unset) in values.items() if value != unset}
 
 
-def reaching(via: str | None, base_url: str | None, backend_option: list[str] | None, **more: Any) -> dict[str, Any]:
-    """What the command line says about the language model, as it goes into a configuration: only what was set."""
-    from ..run_settings import backend_options, key_values
-
-    return backend_options(key_values(backend_option, "--backend-option"), via=via, base_url=base_url, **more)
-
-
 @dataclass(frozen=True)
 class LanguageModel:
     """Which language model is asked, and how it is reached."""
@@ -247,7 +240,7 @@ class LanguageModel:
         str | None,
         language_model_option(
             metavar="NAME",
-            help="A preset, litellm:PROVIDER/MODEL, ... as bsa run takes it.",
+            help="A preset, litellm:PROVIDER/MODEL, ...",
             autocompletion=completion.backends,
         ),
     ] = None
@@ -255,7 +248,9 @@ class LanguageModel:
     base_url: BaseUrl = None
     backend_option: BackendOption = None
 
-    @property
-    def options(self) -> dict[str, Any]:
-        """As a configuration holds them."""
-        return reaching(self.via, self.base_url, self.backend_option)
+    def options(self, **more: Any) -> dict[str, Any]:
+        """How it is reached and asked, as it goes into a configuration: only what was set, ``more`` included."""
+        from ..run_settings import backend_options, key_values
+
+        own = key_values(self.backend_option, "--backend-option")
+        return backend_options(own, via=self.via, base_url=self.base_url, **more)

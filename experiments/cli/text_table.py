@@ -5,7 +5,7 @@ import sys
 import textwrap
 from collections.abc import Sequence
 
-from .progress import printable
+from ...core.printable import one_line
 
 _INDENT = "  "
 _UNDER_NAME = 6
@@ -17,7 +17,7 @@ def print_table(title: str, rows: Sequence[tuple[str, ...]]) -> None:
     if not rows:
         return
     print(f"\n{title}")
-    cells = [[printable(cell, 400) for cell in row] for row in rows]
+    cells = [[one_line(cell, 400) for cell in row] for row in rows]
     widths = [max(len(cell) for cell in column) for column in zip(*cells, strict=True)]
     for row in cells:
         line = "  ".join(f"{cell:{width}s}" for cell, width in zip(row, widths, strict=True))
@@ -42,10 +42,10 @@ def print_wrapped(title: str, rows: Sequence[tuple[str, str, str]], width: int |
     beside = room >= width // 2
     hanging = " " * (len(_INDENT) + longest + 2 if beside else _UNDER_NAME)
     for (name, _, _), text in zip(rows, texts, strict=True):
-        first = f"{_INDENT}{printable(name):{longest}s}  " if beside else hanging
+        first = f"{_INDENT}{one_line(name):{longest}s}  " if beside else hanging
         if not beside:
-            print(f"{_INDENT}{printable(name)}")
+            print(f"{_INDENT}{one_line(name)}")
         lines = textwrap.wrap(
-            printable(text, 400), width, initial_indent=first, subsequent_indent=hanging, break_on_hyphens=False
+            one_line(text, 400), width, initial_indent=first, subsequent_indent=hanging, break_on_hyphens=False
         )
         print("\n".join(lines))

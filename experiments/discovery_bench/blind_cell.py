@@ -82,10 +82,11 @@ def campaign_folder(folder: Path, name: str) -> Path:
 def _cell(case: Path, kind: Kind, asked: Mapping[str, Any]) -> StudyCell:
     options = options_of(case, out=case, **asked)
     backend = options.backend or "none"
-    records = (*options.data, *options.holdout, *options.reference)
     determining = {
         "kind": kind,
-        "files": {path.name: file_digest(path) for path in (case / DESCRIPTION, *(file.path for file in records))},
+        "files": {
+            path.name: file_digest(path) for path in (case / DESCRIPTION, *(file.path for file in options.files))
+        },
         "asked": {**asked, "backend_options": without_placement(options.backend_options)},
         "versions": versions_of_study((*all_effects(), ("backend", backend.partition(":")[0]))),
     }

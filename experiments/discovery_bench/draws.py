@@ -20,6 +20,13 @@ QUOTAS: dict[Setting, int] = {"single": 12, "none": 4, "pair": 2, "outside": 2}
 BLOCK = sum(QUOTAS.values())
 
 DFN_SHARE = 0.25
+"""Share of cases whose base model is a DFN; others have an SPMe where what is hidden allows it."""
+
+NOISE_V, RESOLUTIONS_V = (2e-4, 2e-3), (1e-4, 5e-4, 1e-3)
+"""Ends of the voltage noise's deviation, and steps of the readings: from a good cycler to a poor one."""
+
+MESH_POINTS = (25, 41)
+"""Least mesh points of the true cell, and one more than the most: finer than the 20 of a discovery's models."""
 
 CHEMISTRIES = ("Chen2020", "Marquis2019", "Mohtat2020", "OKane2022")
 """Parameter sets with which every effect can be simulated."""
@@ -92,10 +99,10 @@ def draw(seed: int, number: int, attempt: int = 0) -> Draw:
         effects,
         strengths,
         _shifts(rng),
-        noise_v=log_uniform(2e-4, 2e-3, rng),
+        noise_v=log_uniform(*NOISE_V, rng),
         heavy_tailed=bool(rng.random() < 0.5),
-        resolution_v=float(rng.choice([1e-4, 5e-4, 1e-3])),
-        points=int(rng.integers(25, 41)),
+        resolution_v=float(rng.choice(RESOLUTIONS_V)),
+        points=int(rng.integers(*MESH_POINTS)),
         outside=outside,
         outside_strength=log_uniform(*OUTSIDE[outside][1:], rng) if outside else 0.0,
     )

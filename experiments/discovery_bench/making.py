@@ -19,7 +19,6 @@ is."""
 SEALED = "answers.sealed"
 DESCRIPTION = "case.json"
 
-CASES = 200
 POINTS = 300
 """Averages of a record that a discovery on a case fits."""
 
@@ -30,7 +29,7 @@ _DRAWS = 6
 def make_cases(
     folder: Path,
     make: Make,
-    count: int = CASES,
+    count: int,
     seed: int = 2026,
     listener: Callable[[str], None] = lambda text: None,
 ) -> list[Path]:

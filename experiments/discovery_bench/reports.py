@@ -7,9 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.contracts.effect_choice import effects_of
-from ...core.discovery.ranking import ask
 from ...core.files import read_json, write_json
-from ...core.messages import Outage
 from ...core.run.journal import Journal, read_events
 from ...core.run.recording import Recorder
 from ...core.run.run_config import hash_of
@@ -19,13 +17,10 @@ from ..campaign.grid_file import BackendChoice
 from ..campaign.identity import versions_of_study, without_placement
 from ..campaign.study_cell import StudyCell
 from .results import read_results
-from .shortlists import SHORTLISTS, place_of
+from .shortlists import HOW, SHORTLISTS, place_of, rankings
 
 PACKAGED = Path(__file__).parent / "packaged" / "reports.json"
 """24 reports: those of 27 cases of ``bsa bench discovery make --short --seed 24`` that leave something."""
-
-HOW = {"named": False, "nameless": True}
-"""Each report is ranked twice: with the effects' names, and with names without meaning."""
 
 
 @dataclass(frozen=True)
@@ -77,18 +72,14 @@ def rank(folder: Path, report: Report, backend: BackendChoice, seed: int) -> dic
     from ...backends.opening import open_backend
 
     effects = effects_of(report.effects)
-    content: dict[str, Any] = {"replies": 0}
     with closing(Journal(folder)) as journal:
         recorder = Recorder(journal, list(read_events(folder)))
         with closing(recorder.around(open_backend(backend.use, backend.options))) as model:
-            for how, hidden in HOW.items():
-                ranking = ask(model, report.discrepancy, effects, seed, hidden)
-                if ranking.lost:
-                    raise Outage(ranking.note)
-                content[how] = [ranked.key for ranked in ranking.ranked]
-                content["replies"] += bool(ranking.ranked)
+            found = rankings(model, report.discrepancy, effects, seed)
         spent = recorder.usage
-    return content | {
+    return {
+        **found,
+        "replies": sum(map(bool, found.values())),
         "llm_calls": recorder.calls,
         "lost_calls": recorder.lost,
         "tokens": spent.tokens,

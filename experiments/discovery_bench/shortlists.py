@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from ...core.discovery.ranking import ask
-from ...core.messages import Outage
+from ...core.effect import Effect
+from ...core.messages import Backend, Outage
 from ..campaign.summary import grouped
 from ..campaign.text_tables import markdown_table
 from ..discover import backend_or_none
@@ -17,6 +18,9 @@ from .results import read_results
 SHORTLISTS = "shortlists"
 
 _PLACES = (1, 3, 6)
+
+HOW = {"named": False, "nameless": True}
+"""A backend ranks twice: with the effects' names, and with names without meaning."""
 
 _WORDS = {
     "statistics": "score test",
@@ -45,14 +49,23 @@ def shortlist(options: DiscoverOptions) -> dict[str, Any]:
     words = found["discrepancy"]
     # Where nothing is to be ranked no model is loaded.
     with backend_or_none(options) if possible else nullcontext() as backend:
-        for how, hidden in (("named", False), ("nameless", True)):
-            if backend is not None and words:
-                ranking = ask(backend, words, [n.effect for n in possible], options.seed, hidden)
-                if ranking.lost:
-                    raise Outage(ranking.note)
-                found[how] = [ranked.key for ranked in ranking.ranked]
+        if backend is not None and words:
+            found |= rankings(backend, words, [n.effect for n in possible], options.seed)
     firsts = (f"{how}: {found[how][0] if found[how] else 'none'}" for how in _WORDS if how in found)
     return found | {"summary": ", ".join(firsts)}
+
+
+def rankings(
+    backend: Backend, discrepancy: Sequence[str], effects: Sequence[Effect], seed: int
+) -> dict[str, list[str]]:
+    """Keys of effects as a backend ranks them, the best first; see `HOW`. Raises `Outage` if it could not be had."""
+    found = {}
+    for how, hidden in HOW.items():
+        ranking = ask(backend, discrepancy, effects, seed, hidden)
+        if ranking.lost:
+            raise Outage(ranking.note)
+        found[how] = [ranked.key for ranked in ranking.ranked]
+    return found
 
 
 def shortlist_places(folder: Path) -> list[dict[str, Any]]:

@@ -1,6 +1,5 @@
 """What the tools do, as JSON in and out; what simulates runs in a process of its own."""
 
-import json
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -11,11 +10,11 @@ from typing import Any
 from scipy.constants import zero_Celsius
 
 from ...core.contracts.registry import installed
-from ...core.errors import BsaError, unknown
+from ...core.errors import unknown
+from ...core.files import load_json
 from ...core.hooks import RunContext
 from ...core.metrics import errors_of, evaluate
 from ...core.parameters import Candidate
-from ...core.printable import shown
 from ...core.proposal import apply_change
 from ...core.reading.summary import summary
 from ...core.run.budget import with_budget
@@ -29,6 +28,7 @@ from ..api import calibration, discovery, measured
 from ..api.calibration_result import CalibrationResult
 from ..api.discovery_result import DiscoveryResult
 from ..discover import RESULT as DISCOVERY_RESULT
+from ..discovery_journal import KIND, read_options
 from ..read_options import reading
 from ..report.page import FILE_NAME as REPORT
 from ..task_request import CellChoice, Records, task_of_records
@@ -124,7 +124,8 @@ def calibrate(options: Mapping[str, Any]) -> Json:
 
 def discover(options: Mapping[str, Any]) -> Json:
     """A discovery; see `bsa.discover`."""
-    _check_set(options.get("parameters"))
+    resumed = options.get("resume")
+    _check_set((options if resumed is None else begun_with(resumed)[0]).get("parameters"))
     found = discovery.discover(**options, progress=False)
     return _told(found, verdict=found.verdict, headline=found.headline, effects=list(found.effects))
 
@@ -134,10 +135,7 @@ def report(folder: Path) -> Json:
     found = folder / DISCOVERY_RESULT
     if not found.is_file():
         return _calibrated(CalibrationResult.of(folder))
-    try:
-        content: Json = json.loads(found.read_text(encoding="utf-8"))
-    except ValueError:
-        raise BsaError(f"{shown(found, 200)} is not valid JSON.", "discover again, into another folder.") from None
+    content: Json = load_json(found, "discover again, into another folder.")
     return {**content, "folder": str(folder), "report": str(folder / REPORT)}
 
 
@@ -152,20 +150,16 @@ def simulations_of(folder: Path) -> int | None:
 def begun_with(folder: Path) -> tuple[Mapping[str, Any], list[str]]:
     """The settings with which a calibration or discovery was begun, and the files that it reads anew when it goes on.
 
-    Both are empty where no run was begun.
+    Both are empty where no run was begun. Raises `BsaError` if the journal of a discovery cannot be read.
     """
-    first = next(iter(read_events(folder)), {})
-    config = first.get("config")
-    if isinstance(config, Mapping):
-        return config, []  # a calibration keeps its records in the journal
-    options = first.get("options")
-    if not isinstance(options, Mapping):
-        return {}, []
-    files = [file for name in ("data", "holdout") for file in options.get(name) or ()]
-    paths = [path for file in files for path in (file["path"], *file.get("joined", ()))]
-    parameters, search = options.get("parameters"), options.get("search")
-    paths += [given for given in (parameters, search) if isinstance(given, str) and Path(given).is_absolute()]
-    return options, paths
+    first = next(read_events(folder), {})
+    if first.get("kind") != KIND:
+        config = first.get("config")
+        return config if isinstance(config, Mapping) else {}, []  # a calibration keeps its records in the journal
+    options = read_options(folder)
+    files = [str(path) for file in options.files for path in file.files]
+    others = [given for given in (options.parameters, options.search) if isinstance(given, str) and not is_name(given)]
+    return options.model_dump(), [*files, *others]
 
 
 def _task(data: str | list[Path], options: Mapping[str, Any], cell: Mapping[str, Any]) -> Task:

@@ -22,7 +22,7 @@ from ...core.run.run_config import RunConfig
 from ...core.validation import explain
 from ..request import refuse_beside_task
 from ..run_names import named_after, reserved_folder
-from ..tasks.task_file import SUFFIXES
+from ..tasks.task_file import is_task_file
 from . import functions
 from .arguments import Arguments, Cell, Reading, is_name
 from .folders import Folders
@@ -197,7 +197,12 @@ class Tools:
                 "go on with it by bsa run --resume or bsa discover --resume.",
             )
         for path in paths:
-            self._folders.inside(path)
+            if not Path(path).is_absolute():
+                raise BsaError(
+                    f"{shown(folder.name)} reads {shown(path, 200)}, a path that begins where the server was started.",
+                    "go on with it by bsa discover --resume, in the folder where it began.",
+                )
+            self._folders.file(path)
 
     def _new_folder(self, out: str | None, data: str | list[Path]) -> AbstractContextManager[Path]:
         """The folder of a new run; two calls at once are given two."""
@@ -217,7 +222,7 @@ class Tools:
         names = [data] if isinstance(data, str) else data
         if not all(names) or not names:
             raise BsaError("data is missing.", "give the path of a record; a stopped run goes on with `resume` alone.")
-        wrong = [name for name in names if Path(name).suffix in SUFFIXES]
+        wrong = [name for name in names if is_task_file(name)]
         if wrong:
             raise BsaError(f"{shown(wrong[0], 200)} is a task file.", "give its records and the cell instead.")
         if isinstance(data, str) and is_name(data) and not (self._folders.first / data).exists():

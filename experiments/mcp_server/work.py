@@ -19,6 +19,7 @@ from ...core.errors import BsaError
 from ...core.messages import RunStopped
 from ...core.printable import counted
 from ...core.run.journal import FILE_NAME
+from ...core.run.later_simulations import ANALYSIS_SIMULATION
 
 _LOOK_EVERY_S = 0.25
 _ENDS_WITHIN_S = 30.0
@@ -87,7 +88,7 @@ def _progress(folder: Path | None, simulations: int | None, seconds: float) -> t
         done = journal.count(b"\n")
         return done, None, f"{counted(done, 'step')} in {seconds:.0f} s"
     done = journal.count(b'\n{"event":"trial"')
-    more = journal.count(b'\n{"event":"appraisal-simulation"')
+    more = journal.count(f'\n{{"event":"{ANALYSIS_SIMULATION}"'.encode())
     analysis = f", then {more} to analyse the fit," if more else ""
     return done, simulations, f"{counted(done, 'simulation')}{analysis} in {seconds:.0f} s"
 

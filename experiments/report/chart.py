@@ -19,6 +19,19 @@ MOST_POINTS = 2000
 _FAR = 5000.0
 
 
+_MOST_OF_TIME, _ROOM = 97, 1.4
+"""Percentile of residuals that an axis of residuals is for, and its length by that."""
+
+
+def residual_limit(values: Sequence[FloatArray], least: float) -> float:
+    """Where an axis of residuals ends on both sides, ``least`` or more.
+
+    Where a step ends, or a cell is empty, a moment early the residual is a spike: the axis is for what lies between.
+    """
+    usual = [float(np.percentile(np.abs(one), _MOST_OF_TIME)) for one in values if len(one)]
+    return max(_ROOM * max(usual, default=0.0), least)
+
+
 @dataclass(frozen=True)
 class Axis:
     """From values to pixels."""

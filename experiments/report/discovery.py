@@ -13,7 +13,7 @@ from ...core.discovery.record_discovery import RecordDiscovery
 from ...core.discovery.simulator import Prediction
 from ...core.trajectory import FloatArray
 from .base_parameters import base_parameters
-from .chart import Chart, Key, horizontal, padded
+from .chart import Chart, Key, horizontal, padded, residual_limit
 from .templates import template
 from .wording import time_unit
 
@@ -87,9 +87,7 @@ def _figure(name: str, observed: Observations, base: FloatArray, augmented: Floa
     )
     limits = padded(float(np.min(measured)), float(np.max(measured)))
     voltage = chart.panel("Voltage / V", limits, _VOLTAGE_HEIGHT, ticks=5)
-    # A cell that is empty a moment early is a spike of a volt: the scale serves the rest.
-    largest = max(float(np.percentile(np.abs(values), 98)) for values in residuals.values())
-    size = max(1.3 * largest, 1.0)
+    size = residual_limit(list(residuals.values()), 1.0)
     residual = chart.panel("Residual / mV", (-size, size), _RESIDUAL_HEIGHT)
     residual.shows_zero = True
     voltage.draw(time, measured, "measured")

@@ -20,12 +20,15 @@ from ...core.trajectory import FloatArray, StepKind, Trajectory
 from ...core.trial import Trial
 from ...plugins.feedback.ageing import told_cycles
 from ..run_record import RunRecord
-from .chart import Chart, Key, Marker, Panel, horizontal, limits_around
+from .chart import Chart, Key, Marker, Panel, horizontal, limits_around, residual_limit
 from .nyquist import nyquist
 from .records import errors_words
 from .wording import number, time_unit, unit
 
 _DRIVEN_HEIGHT, _OBSERVED_HEIGHT, _RESIDUAL_HEIGHT, _CONVERGENCE_HEIGHT = 96.0, 210.0, 110.0, 250.0
+
+_LONGEST = 1.5
+"""Times a record's length up to which a simulation that ends later is drawn: a longer axis would squeeze the record."""
 
 _ROOM_ABOVE = 2.2
 """Times the largest objective at which its axis ends."""
@@ -207,7 +210,7 @@ def _overlay(run: RunRecord, place: int, experiment: Experiment) -> Overlay:
     fit = _scored(run, experiment)
     if experiment.is_spectrum:
         return _spectrum(experiment.name, f"overlay-{place}", fit, [measured, *simulated], keys)
-    longest = max([measured.time[-1], *(min(curve.time[-1], 1.5 * measured.time[-1]) for curve in simulated)])
+    longest = max([measured.time[-1], *(min(curve.time[-1], _LONGEST * measured.time[-1]) for curve in simulated)])
     names = [signal.words for signal in _shown(run.task, measured)]
     title = f"{', '.join(names).capitalize()} and residuals over time"
     chart, scale = _over_time(f"overlay-{place}", experiment, title, float(longest))
@@ -270,7 +273,8 @@ def _draw(
         for curve, found in values.items():
             panel.draw(curve.time / scale, found, curve.style)
         if focus is not None and not driven:
-            size = _residual_size(focus.residual(measured, signal)[1], signal)
+            least = _LEAST_RESIDUAL * signal.tolerance * signal.shown_scale
+            size = residual_limit([focus.residual(measured, signal)[1]], least)
             panel = chart.panel(f"Residual / {unit(signal.shown)}", (-size, size), _RESIDUAL_HEIGHT)
             panel.shows_zero = True
             for curve in simulated:
@@ -278,12 +282,6 @@ def _draw(
                 panel.draw(time / scale, residual, curve.style)
             residuals.append((panel, signal))
     return residuals
-
-
-def _residual_size(values: FloatArray, signal: Signal) -> float:
-    # Where a step ends a little early the residual is a spike: the scale serves what lies between.
-    size = 1.4 * float(np.percentile(np.abs(values), 97)) if len(values) else 1.0
-    return max(size, _LEAST_RESIDUAL * signal.tolerance * signal.shown_scale)
 
 
 def _remarks(

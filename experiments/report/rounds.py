@@ -8,8 +8,8 @@ from typing import Any
 
 from markupsafe import escape
 
-from ...core.contracts.reply_parsing import strip_control
 from ...core.parameters import ParameterSpace
+from ...core.printable import strip_control
 from ...core.proposal import ALREADY_SIMULATED, LACKING, PROBLEMS
 from ...core.trial import Trial
 from ..exchanges import Exchange

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from ...core.contracts.reply_parsing import strip_control
-from ...core.printable import counted
+from ...core.printable import counted, strip_control
 from .wording import change, duration, number, share, unit
 
 if TYPE_CHECKING:

@@ -8,7 +8,10 @@ from numpy.typing import NDArray
 from ...core.trajectory import FloatArray
 
 _BUCKETS = 500
+"""Places along x that are told apart: less than two pixels each in a chart's width."""
+
 _INVISIBLE = 0.15
+"""Pixels by which a curve may differ from the drawn one without being seen to."""
 
 
 def thin_curve(x: FloatArray, y: FloatArray, most: int) -> NDArray[np.intp]:
@@ -28,7 +31,7 @@ def thin_curve(x: FloatArray, y: FloatArray, most: int) -> NDArray[np.intp]:
             continue
         away = _distance(x[first : last + 1], y[first : last + 1])
         farthest = int(np.argmax(away))
-        # A point matters no more than the one whose removal would swallow it.
+        # A point matters no more than the one whose removal would remove it, too.
         limit = min(limit, float(away[farthest]))
         if limit < _INVISIBLE:
             continue

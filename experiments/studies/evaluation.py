@@ -38,28 +38,10 @@ class EvaluationCost:
 
 
 def measure(folder: Path, task_name: str, repeats: int) -> dict[str, Any]:
-    """The `EvaluationCost` of one task, as a row."""
-    cost = measure_evaluation(task_name, repeats)
-    return {"rows": [asdict(cost)], "summary": f"{cost.evaluation_s:.3f} s an evaluation"}
+    """The `EvaluationCost` of one task, as a row: every way to evaluate it is timed, one after the other.
 
-
-def evaluation_table(rows: Sequence[Row]) -> str:
-    """Times of one evaluation, by PyBaMM's own solve."""
-    (row,) = rows
-    solve = row["solver_s"]
-    lines = [
-        ["PyBaMM's own solve of the compiled model", f"{solve:.3f} s"],
-        ["our evaluation, in one process", f"{row['evaluation_s'] / solve:.2f} of it"],
-        ["the same through a worker process", f"{row['worker_s'] / solve:.2f}"],
-        ["building the model for every evaluation", f"{row['rebuild_s'] / solve:.1f}"],
-        ["simulations a second, two workers to one (aim 1.7)", f"{row['two_workers']:.2f}"],
-        ["the loop's own cost a round", f"{1e3 * row['loop_s']:.0f} ms"],
-    ]
-    return markdown_table([f"one evaluation, medians of {row['repeats']:.0f}", ""], lines)
-
-
-def measure_evaluation(task_name: str = "demo", repeats: int = 15) -> EvaluationCost:
-    """Time a task's evaluations in every way, one after the other. The task is named as ``bsa run`` takes it."""
+    The task is named as ``bsa run`` takes it; ``folder`` is not needed.
+    """
     task = find_task(task_name)
     (experiment, *_), candidate = task.experiments, task.space.initial
     compiled = CompiledExperiment(task.cell, experiment, task.space.targets)
@@ -80,9 +62,25 @@ def measure_evaluation(task_name: str = "demo", repeats: int = 15) -> Evaluation
     (rebuild_s,) = _medians(
         max(repeats // 5, 2), lambda: solve_reference(task.cell, experiment, task.space.change(candidate))
     )
-    return EvaluationCost(
+    cost = EvaluationCost(
         solver_s, evaluation_s, worker_s, rebuild_s, alone_s / together_s, _loop_cost(task_name), repeats
     )
+    return {"rows": [asdict(cost)], "summary": f"{cost.evaluation_s:.3f} s an evaluation"}
+
+
+def evaluation_table(rows: Sequence[Row]) -> str:
+    """Times of one evaluation, by PyBaMM's own solve."""
+    (row,) = rows
+    solve = row["solver_s"]
+    lines = [
+        ["PyBaMM's own solve of the compiled model", f"{solve:.3f} s"],
+        ["our evaluation, in one process", f"{row['evaluation_s'] / solve:.2f} of it"],
+        ["the same through a worker process", f"{row['worker_s'] / solve:.2f}"],
+        ["building the model for every evaluation", f"{row['rebuild_s'] / solve:.1f}"],
+        ["simulations a second, two workers to one (aim 1.7)", f"{row['two_workers']:.2f}"],
+        ["the loop's own cost a round", f"{1e3 * row['loop_s']:.0f} ms"],
+    ]
+    return markdown_table([f"one evaluation, medians of {row['repeats']:.0f}", ""], lines)
 
 
 @contextmanager

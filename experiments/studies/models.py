@@ -17,7 +17,8 @@ from ..campaign.store import Store
 from ..campaign.study_cell import StudyCell
 from ..campaign.summary import Row, geometric_mean, short
 from ..campaign.text_tables import markdown_table
-from ..discovery_bench.reports import HOW, Report, places, ranking_cell
+from ..discovery_bench.reports import Report, places, ranking_cell
+from ..discovery_bench.shortlists import HOW
 from .grids import budget, study_grid, trace_of, with_results
 
 CASES = (

@@ -19,7 +19,7 @@ from ..campaign.text_tables import table_of
 from .grids import budget, study_grid, trace_of
 
 ADVISERS = ("rules", "random-advice", "adversarial-advice")
-"""Backends of the hybrid: one that reasons, and two that deserve no trust."""
+"""Backends of the hybrid: one that reasons, and random and adversarial advice."""
 
 MORE = 1.25
 """Simulations of the hybrid, as a multiple of those of least squares."""

@@ -18,7 +18,7 @@ from ..campaign.store import Store
 from ..campaign.summary import Row, grouped, statistic
 from ..campaign.text_tables import brief, markdown_table
 from ..run_record import RunRecord, read_run
-from ..suite.case import Noise, SuiteCase
+from ..suite.case import SuiteCase
 from ..suite.target import cell_of, experiment_of, reference_run
 from .grids import with_results
 
@@ -189,7 +189,7 @@ def held_out_rows(recovered: Recovered, seed: int) -> list[dict[str, Any]]:
         "default": space.initial,
     }
     cell = cell_of(case)
-    quiet = replace(case, noise=Noise())
+    quiet = replace(case, noise_v=0.0)
     rows: list[dict[str, Any]] = []
     for rate in HELD_OUT_RATES:
         experiment = experiment_of(quiet, rate, rate)

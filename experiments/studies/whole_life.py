@@ -23,14 +23,14 @@ from ..task_request import CellChoice, Records, task_of_records
 
 CELLS = ("CS2_35", "CS2_36")
 _RECORD = "calce_cs2/{}_all.csv.gz"
-FITTED, FORETOLD, EVERY = 200, 500, 50
+FITTED, LAST_CYCLE, EVERY = 200, 500, 50
 
 SET, MODEL, _SCAFFOLD = "Ai2020", "SPM", "ageing"
 _SIMULATIONS, _SEED = 80, 1234
 
 
 @dataclass(frozen=True)
-class Foretold:
+class ForecastRow:
     """The capacity of one cycle."""
 
     cell: str
@@ -55,7 +55,7 @@ def items(data: Path) -> dict[str, dict[str, Any]]:
 
 def task_of_life(record: Path) -> Task:
     """The task of a measured life, as ``bsa-run --life`` makes it."""
-    records = Records([record], reads=[reading(cycles=f"1-{FORETOLD}")], fit_cycles=FITTED)
+    records = Records([record], reads=[reading(cycles=f"1-{LAST_CYCLE}")], fit_cycles=FITTED)
     return task_of_records(records, CellChoice(SET, MODEL))
 
 
@@ -68,18 +68,18 @@ def forecast(folder: Path, cell: str, record: Path) -> dict[str, Any]:
     return {"rows": rows, "summary": f"{_off_pct(rows[-1]):+.1f} % off at cycle {rows[-1]['cycle']}"}
 
 
-def rows_of(cell: str, run: RunRecord) -> Iterator[Foretold]:
+def rows_of(cell: str, run: RunRecord) -> Iterator[ForecastRow]:
     """What a run says of every fiftieth cycle, beside what was measured."""
     (prediction,) = run.held_out
     tables = [e.target.cycle_table for e in (*run.task.experiments, *run.task.held_out)]
     simulated = None if prediction.curve is None else prediction.curve.cycle_table
     assert simulated is not None
-    for cycle in range(EVERY, FORETOLD + 1, EVERY):
+    for cycle in range(EVERY, LAST_CYCLE + 1, EVERY):
         at = np.array([float(cycle)])
         measured = [float(table.at(at)[0]) for table in tables if table is not None]
         middle = float(simulated.at(at)[0])
         half = float("nan") if prediction.fade is None else float(prediction.fade.at(at)[0])
-        yield Foretold(cell, FITTED, cycle, float(np.nanmax(measured)), middle, middle - half, middle + half)
+        yield ForecastRow(cell, FITTED, cycle, float(np.nanmax(measured)), middle, middle - half, middle + half)
 
 
 def forecast_table(rows: Sequence[Row]) -> str:

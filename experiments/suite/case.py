@@ -17,19 +17,6 @@ _AMBIENT = ("Ambient temperature [K]", "Initial temperature [K]")
 
 
 @dataclass(frozen=True)
-class Noise:
-    """Measurement noise put on a target."""
-
-    voltage_v: float = 0.0  # Standard deviation of the voltage, V.
-    # Standard deviation of the current relative to its value (a gain error at every sample): a rest stays a rest,
-    # because the paper's relative current error would mean nothing on a noisy zero.
-    current: float = 0.0
-
-    def __bool__(self) -> bool:
-        return self.voltage_v > 0 or self.current > 0
-
-
-@dataclass(frozen=True)
 class SuiteCase:
     """A benchmark case; the truth in it is never shown to a proposer."""
 
@@ -41,7 +28,7 @@ class SuiteCase:
     discharge_rate: float
     changes: Mapping[str, float]  # The true values of the parameters that differ from the base cell.
     cycles: int = 2  # Cycles of the protocol.
-    noise: Noise = field(default_factory=Noise)  # Measurement noise of the target.
+    noise_v: float = 0.0  # Standard deviation of the noise on the target's voltage, V.
     growth: Mapping[str, str] = field(default_factory=dict)  # Model options of what ages it, where not the paper's.
 
     @property

@@ -4,40 +4,37 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
-from ...core.errors import BsaError, did_you_mean, unknown
-from .case import Noise, SuiteCase
+from ...core.errors import BsaError, did_you_mean
+from .case import SuiteCase
 from .generated import generated_cases
 from .lives import life_cases
 from .published import published_cases
 from .random import random_cases
 
-SUITES = ("published", "generated", "random", "lives")
+Suite = Literal["published", "generated", "random", "lives"]
 
 _LEAVE_OUT_UNLESS_NAMED = "sei"
 
 
 def load_suite(
-    name: str = "published", folder: Path | None = None, seed: int = 1, count: int = 40, noise: Noise | None = None
+    name: Suite = "published", folder: Path | None = None, seed: int = 1, count: int = 40, noise_v: float = 0.0
 ) -> dict[str, SuiteCase]:
     """The cases of a suite, by key.
 
-    ``name`` is one of `SUITES`; seed and count are of the random suite and of lives; noise is put on every target.
-    Raises `BsaError` if there is no such suite, or its files are missing.
+    Seed and count are of the random suite and of lives; noise is put on the voltage of every target. Raises `BsaError`
+    if the files of the suite are missing.
     """
-    if name not in SUITES:
-        raise unknown(f'there is no suite "{name}".', name, SUITES)
     if name == "random":
-        return random_cases(seed, count, noise)
-    if name == "lives":
+        cases = random_cases(seed, count)
+    elif name == "lives":
         cases = life_cases(seed, count)
     else:
         cases = generated_cases() if name == "generated" else published_cases(folder)
-    if not noise:
-        return cases
-    return {key: replace(case, noise=noise) for key, case in cases.items()}
+    return {key: replace(case, noise_v=noise_v) for key, case in cases.items()}
 
 
 def choose(

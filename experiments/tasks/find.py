@@ -9,7 +9,7 @@ from ...core.contracts.registry import OWN, Unusable, installed
 from ...core.errors import BsaError, did_you_mean, unknown
 from ...core.task import Task
 from ...core.yaml_text import read_yaml
-from .task_file import SUFFIXES, load_task_file
+from .task_file import is_task_file, load_task_file
 
 PACKAGED = Path(__file__).with_name("packaged")
 
@@ -46,7 +46,7 @@ def find_task(name_or_path: str) -> Task:
     Raises `BsaError` if there is no such task, with the nearest name.
     """
     path = Path(name_or_path)
-    if path.suffix in SUFFIXES:
+    if is_task_file(path):
         return load_task_file(path)
     if _published_name(name_or_path):
         return _published(name_or_path)

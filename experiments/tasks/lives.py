@@ -31,7 +31,7 @@ does for most of their life."""
 def with_ageing(options: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
     """Model options under which a cell ages, and a sentence where they had to be chosen.
 
-    Whoever names one, though it be ``SEI=none``, has chosen.
+    Any option given, also ``SEI=none``, is kept.
     """
     if any(name in options for name in _AGEING_OPTIONS):
         return dict(options), ""

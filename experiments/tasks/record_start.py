@@ -12,6 +12,9 @@ _PROMPT_S, _NEARLY_EMPTY = 10.0, 0.1
 """Latest sample after a current step that shows its resistance, s, and the share of the voltage range at whose bottom
 none does: a minute late, or at the end of a discharge, the same cells show two to ten times as much."""
 
+_LARGE_JUMP = 0.2
+"""Share of the record's largest current; smaller jumps of the current are left out."""
+
 _SAME_SHARE = 0.1
 """Share of what the voltage falls from a record's first sample to its second by which the first voltages of two records
 may differ that were both taken before the load: under it they would differ by about as much as the currents do."""
@@ -85,7 +88,7 @@ def jump_resistances(record: Trajectory) -> list[float]:
     places = [(switch.before, switch.after) for switch in switches(record)]
     last, first = np.array(places, dtype=np.intp).reshape(-1, 2).T
     current, voltage = record.current[first] - record.current[last], record.voltage[first] - record.voltage[last]
-    large = np.abs(current) > 0.2 * np.max(np.abs(record.current), initial=1e-9)
+    large = np.abs(current) > _LARGE_JUMP * np.max(np.abs(record.current), initial=1e-9)
     prompt = record.time[first] - record.time[last] <= _PROMPT_S
     nearly_empty = record.voltage[last] < record.voltage.min() + _NEARLY_EMPTY * np.ptp(record.voltage)
     shown = large & prompt & ~nearly_empty

@@ -13,23 +13,26 @@ from ...core.encoding import decode_task
 from ...core.errors import BsaError
 from ...core.files import load_json
 from ...core.protocol_text import read_protocol
-from ...core.record import ReadOptions
 from ...core.shape import decoding
 from ...core.task import Task, Weight
 from ...core.validation import validated
 from ...core.yaml_text import YAML_SUFFIXES, read_yaml
-from ..file_reading import FileReading
+from ..file_reading import ReadEntry
 from .influence import without_use
 from .measured_cell import CellRequest
 from .record_request import RecordRequest
 from .records import build_task
 from .signal_task_file import load_signal_task
 
-SUFFIXES = (*YAML_SUFFIXES, ".json")
-"""Endings of task files."""
+_SUFFIXES = (*YAML_SUFFIXES, ".json")
 
 
-class ExperimentEntry(BaseModel, extra="forbid"):
+def is_task_file(path: Path | str) -> bool:
+    """Whether a file is called as task files are, in letters of any size."""
+    return Path(path).suffix.lower() in _SUFFIXES
+
+
+class ExperimentEntry(ReadEntry):
     """One record and how it was made."""
 
     data: str | list[str] = Field(
@@ -53,9 +56,6 @@ class ExperimentEntry(BaseModel, extra="forbid"):
     )
     temperature_degc: float | None = Field(None, gt=-100, lt=200, description="Ambient temperature in degC.")
     initial_soc: float | None = Field(None, ge=0, le=1, description="Initial state of charge.")
-    read: ReadOptions = Field(default_factory=ReadOptions, description="What the file's header does not say.")
-    reader: str | None = Field(None, description="Reader to use; left out, the one that fits.")
-    reader_options: dict[str, Any] = Field(default_factory=dict, description="The reader's own options.")
 
     @property
     def files(self) -> list[str]:
@@ -102,10 +102,11 @@ def load_task_file(path: Path) -> Task:
 
     Raises `BsaError` naming the file, the key and the nearest valid key.
     """
-    found = load_json(path, "check it there.") if path.suffix == ".json" else read_yaml(path)
+    is_json = path.suffix.lower() == ".json"
+    found = load_json(path, "check it there.") if is_json else read_yaml(path)
     if isinstance(found, dict) and "simulator" in found and "space" not in found:
         return load_signal_task(found, path)
-    if isinstance(found, dict) and path.suffix == ".json" and "space" in found:
+    if isinstance(found, dict) and is_json and "space" in found:
         return _encoded(found, path)
     content = validated(TaskFile, found, str(path))
     try:
@@ -135,10 +136,10 @@ def task_from(content: TaskFile, folder: Path) -> Task:
 
 
 def _request(entry: ExperimentEntry, folder: Path) -> RecordRequest:
-    read = entry.read
+    reading = entry.reading
     if entry.temperature_degc is not None:  # a reader need not guess it
-        read = read.model_copy(update={"ambient_c": entry.temperature_degc})
-    reading = FileReading(read, entry.reader, entry.reader_options)
+        known = entry.read.model_copy(update={"ambient_c": entry.temperature_degc})
+        reading = replace(reading, options=known)
     return RecordRequest(
         source=reading.joined([folder / name for name in entry.files]),
         reading=reading,

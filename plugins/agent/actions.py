@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from typing import Any, Literal, cast
 
 from ...core.ageing.choice import SHOWN
-from ...core.contracts.reply_parsing import strip_control
 from ...core.errors import BsaError, did_you_mean
 from ...core.messages import ALTERNATIVES, JsonSchema
 from ...core.parameters import Candidate, ParameterSpace
+from ...core.printable import strip_control
 from ...core.trial import Trial
 from .updates import apply_updates, unknown_parameter, updates_schema
 

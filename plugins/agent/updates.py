@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
-from ...core.contracts.reply_parsing import strip_control
 from ...core.errors import BsaError, did_you_mean
 from ...core.parameters import Candidate, ParameterSpace
+from ...core.printable import strip_control
 from ...core.proposal import CHANGE_PATTERN, apply_change
 
 

@@ -55,9 +55,9 @@ def _headers(server):
 @pytest.mark.slow
 @pytest.mark.parametrize(("spec", "path"), [("openai:m", "/v1"), ("ollama:m", "")])
 def test_a_server_of_ones_own_gets_nothing_from_the_environment(server, secrets, messages, schema, spec, path):
-    options = BackendOptions(base_url=f"{server.url}{path}")
+    options = {"base_url": f"{server.url}{path}"}
     open_backend(spec, options).complete(messages, schema, seed=0)
-    check("m", spec.partition(":")[0], "m", options.model_copy(update={"via": spec.partition(":")[0]}))
+    check("m", spec.partition(":")[0], "m", BackendOptions(**options, via=spec.partition(":")[0]))
     for headers in _headers(server):
         assert set(headers) <= OWN_HEADERS
         assert "secret" not in repr(headers)
@@ -67,9 +67,9 @@ def test_a_server_of_ones_own_gets_nothing_from_the_environment(server, secrets,
 @pytest.mark.parametrize(("spec", "path"), [("openai:m", "/v1"), ("ollama:m", "")])
 def test_its_own_key_goes_to_the_server_that_is_named(server, secrets, messages, schema, spec, path, monkeypatch):
     monkeypatch.setenv("BSA_API_KEY", "own-key")
-    options = BackendOptions(base_url=f"{server.url}{path}")
+    options = {"base_url": f"{server.url}{path}"}
     open_backend(spec, options).complete(messages, schema, seed=0)
-    check("m", spec.partition(":")[0], "m", options.model_copy(update={"via": spec.partition(":")[0]}))
+    check("m", spec.partition(":")[0], "m", BackendOptions(**options, via=spec.partition(":")[0]))
     for headers in _headers(server):
         assert headers["authorization"] == "Bearer own-key"
         assert set(headers) <= OWN_HEADERS | {"authorization"}
@@ -159,5 +159,5 @@ def test_no_redirect_is_followed(serve, secrets, messages, schema, monkeypatch, 
     elsewhere = serve(lambda seen, handler: (200, {}, b"{}"))
     server = serve(lambda seen, handler: (307, {"location": f"{elsewhere.url}/x"}, b""))
     with pytest.raises((BackendUnreachable, BsaError), match=f"redirects to {elsewhere.url}/x, which is not followed"):
-        open_backend(spec, BackendOptions(base_url=f"{server.url}{path}")).complete(messages, schema, seed=0)
+        open_backend(spec, {"base_url": f"{server.url}{path}"}).complete(messages, schema, seed=0)
     assert (len(server.seen), elsewhere.seen) == (1, [])

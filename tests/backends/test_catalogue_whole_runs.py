@@ -2,7 +2,6 @@
 
 import pytest
 from bsa.backends.opening import open_backend
-from bsa.backends.options import BackendOptions
 from bsa.backends.reviewing import ReviewingBackend, Verdict
 from bsa.backends.rules.backend import RulesBackend
 from bsa.backends.voting import VotingBackend
@@ -15,7 +14,7 @@ def _events(folder, kind):
 
 @pytest.mark.slow
 def test_a_run_in_this_process_and_its_replay(tiny_model, run_toy, tmp_path):
-    options = BackendOptions(temperature=1.0, max_reply_tokens=700)
+    options = {"temperature": 1.0, "max_reply_tokens": 700}
     backend = open_backend(f"transformers:{tiny_model}", options)
     budgets = {"rounds": 3, "warm_up": 4, "simulations": 20}
     first = run_toy(tmp_path / "first", backend=backend, **budgets)

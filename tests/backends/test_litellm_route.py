@@ -13,7 +13,7 @@ PNG = b"\x89PNG\r\n\x1a\n"
 
 
 def _open(server, **options):
-    return open_backend("openai:served-model", BackendOptions(base_url=f"{server.url}/v1", **options))
+    return open_backend("openai:served-model", {"base_url": f"{server.url}/v1", **options})
 
 
 def _ok(chat_completion, proposal):
@@ -124,7 +124,7 @@ def test_a_hosted_model_gets_tools_in_the_strict_subset(serve, chat_completion, 
     server = serve(lambda seen, handler: _called(chat_completion, "predict", change))
     monkeypatch.setenv("OPENAI_API_KEY", "sk-openai-secret-000000")
     monkeypatch.setenv("OPENAI_API_BASE", f"{server.url}/v1")
-    backend = open_backend("litellm:openai/o3", BackendOptions(tool_calls=True))
+    backend = open_backend("litellm:openai/o3", {"tool_calls": True})
     reply = backend.complete(messages, action_schema(offer), seed=1)
     assert json.loads(reply.text) == {"action": "predict", "updated_params": {space().names[0]: "*1.2"}}
     function = server.seen[-1].body["tools"][0]["function"]
@@ -196,7 +196,7 @@ def test_what_no_retry_mends_is_said(serve, messages, schema, status, words, mon
 def test_the_hint_names_what_is_likely(serve, messages, schema, monkeypatch):
     def hint(status, path="/v1"):
         server = serve(lambda seen, handler: (status, {}, b'{"error": {"message": "no", "type": "none"}}'))
-        options = BackendOptions(base_url=f"{server.url}{path}")
+        options = {"base_url": f"{server.url}{path}"}
         with pytest.raises(BsaError) as raised:
             open_backend("openai:served-model", options).complete(messages, schema, seed=1)
         return raised.value.hint
@@ -291,7 +291,7 @@ def test_a_hosted_model_gets_the_strict_subset_and_is_paid(
     server = serve(lambda seen, handler: (200, {}, chat_completion(answer, model="o3", usage=usage)))
     monkeypatch.setenv("OPENAI_API_KEY", "sk-openai-secret-000000")
     monkeypatch.setenv("OPENAI_API_BASE", f"{server.url}/v1")
-    backend = open_backend("litellm:openai/o3", BackendOptions(temperature=0.5, reasoning_effort="low"))
+    backend = open_backend("litellm:openai/o3", {"temperature": 0.5, "reasoning_effort": "low"})
     reply = backend.complete(messages, {**schema, ALTERNATIVES: [schema]}, seed=1)
     assert json.loads(reply.text) == proposal
     assert reply.structured_by == "schema"

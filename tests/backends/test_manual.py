@@ -11,7 +11,6 @@ import pytest
 from bsa.backends import manual
 from bsa.backends.manual import ExchangeBackend, TerminalBackend
 from bsa.backends.opening import open_backend
-from bsa.backends.options import BackendOptions
 from bsa.backends.replay import ReplayBackend, replay
 from bsa.backends.reviewing import ReviewingBackend, TerminalReviewer, Verdict
 from bsa.backends.voting import VotingBackend
@@ -322,7 +321,7 @@ def test_a_person_at_the_terminal(messages, schema):
 
 def test_an_exchange_of_files(tmp_path, messages, schema):
     folder = tmp_path / "exchange"
-    backend = open_backend("manual", BackendOptions(exchange=folder, timeout_s=20))
+    backend = open_backend("manual", {"exchange": folder, "timeout_s": 20})
 
     def other_program():
         for number in (1, 2):

@@ -2,7 +2,6 @@ import json
 
 import pytest
 from bsa.backends.opening import open_backend
-from bsa.backends.options import BackendOptions
 from bsa.core.errors import BsaError
 from bsa.core.messages import BackendFailure, Message
 
@@ -43,7 +42,7 @@ class Ollama:
 
 
 def _open(server, model="qwen2.5:14b", **options):
-    return open_backend(f"ollama:{model}", BackendOptions(base_url=server.url, **options))
+    return open_backend(f"ollama:{model}", {"base_url": server.url, **options})
 
 
 def _chats(server):
@@ -99,7 +98,7 @@ def test_what_is_missing_is_said(serve, proposal):
     with pytest.raises(BsaError, match=r"ollama pull qwen2\.5:32b"):
         _open(server, "qwen2.5:32b")
     with pytest.raises(BsaError, match="ollama serve"):
-        open_backend("ollama:qwen2.5:14b", BackendOptions(base_url="http://127.0.0.1:9"))
+        open_backend("ollama:qwen2.5:14b", {"base_url": "http://127.0.0.1:9"})
 
 
 def test_the_preset_takes_this_route_when_it_is_the_ready_one(serve, proposal, messages, schema, monkeypatch, tmp_path):
@@ -110,4 +109,4 @@ def test_the_preset_takes_this_route_when_it_is_the_ready_one(serve, proposal, m
     assert backend.name == "qwen2.5-14b via ollama"
     assert json.loads(backend.complete(messages, schema, seed=0).text) == proposal
     with pytest.raises(BsaError, match=r"ollama pull qwen2\.5:32b"):
-        open_backend("qwen2.5-32b", BackendOptions(via="ollama"))
+        open_backend("qwen2.5-32b", {"via": "ollama"})

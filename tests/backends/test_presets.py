@@ -96,7 +96,7 @@ def test_a_machine_without_the_model_says_what_is_missing(monkeypatch, tmp_path)
     ):
         assert remedy in caught.value.hint
     with pytest.raises(BsaError, match="its routes are litellm"):
-        open_backend("o3", BackendOptions(via="ollama"), _registry())
+        open_backend("o3", {"via": "ollama"}, _registry())
     with pytest.raises(BsaError, match=r'did you mean "qwen2\.5-14b"'):
         open_backend("qwen2.5-14", registry=_registry())
     with pytest.raises(BsaError, match="litellm:MODEL"):
@@ -128,7 +128,7 @@ def test_downloaded_weights_make_the_in_process_route_ready(monkeypatch, tmp_pat
 def test_a_server_of_ones_own_is_asked_what_it_serves(serve, monkeypatch):
     content = b'{"object": "list", "data": [{"id": "Qwen/Qwen2.5-14B-Instruct"}]}'
     server = serve(lambda seen, handler: (200, {}, content))
-    options = BackendOptions(base_url=f"{server.url}/v1")
+    options = {"base_url": f"{server.url}/v1"}
     assert open_backend("qwen2.5-14b", options, _registry()).name == "qwen2.5-14b via openai"
     with pytest.raises(BsaError, match=r"serves Qwen/Qwen2\.5-14B-Instruct"):
         open_backend("qwen2.5-7b", options, _registry())
@@ -149,6 +149,6 @@ def test_the_survey_is_quick_where_servers_are_silent(serve, monkeypatch):
 
 def test_options_that_a_backend_does_not_have_are_refused():
     with pytest.raises(BsaError, match="temperature"):
-        open_backend("rules", BackendOptions(temperature=1.0), _registry())
-    assert open_backend("rules", BackendOptions(), _registry()).name == "rules"
-    assert open_backend("rules", BackendOptions(votes=3), _registry()).name == "rules, 3 votes"
+        open_backend("rules", {"temperature": 1.0}, _registry())
+    assert open_backend("rules", {}, _registry()).name == "rules"
+    assert open_backend("rules", {"votes": 3}, _registry()).name == "rules, 3 votes"

@@ -5,7 +5,7 @@ from email.utils import format_datetime
 
 import pytest
 from bsa.backends import retrying
-from bsa.backends.retrying import Patience, Persistence, TransientError, retry_after
+from bsa.backends.retrying import Persistence, TransientError, retry_after
 from bsa.core.messages import BackendFailure
 
 
@@ -37,14 +37,14 @@ def test_attempts_stay_within_the_limit(clock):
         raise TransientError("stalled")
 
     with pytest.raises(BackendFailure, match="stalled"):
-        Persistence(Patience(timeout_s=10, limit_s=25), notes, random.Random(0)).call(attempt)
+        Persistence(timeout_s=10, limit_s=25, notes=notes, jitter=random.Random(0)).call(attempt)
     assert clock[0] <= 25
     assert allowed[0] == 10
     assert len(notes) == len(allowed) - 1
 
 
 def test_one_limit_covers_all_calls(clock):
-    persistence = Persistence(Patience(timeout_s=10, limit_s=5), [], random.Random(0))
+    persistence = Persistence(timeout_s=10, limit_s=5, notes=[], jitter=random.Random(0))
     clock[0] = 6
     assert persistence.call(lambda allowed: allowed) == 10
     with pytest.raises(BackendFailure, match="time is up"):
@@ -59,7 +59,7 @@ def test_waits_grow(clock):
         raise TransientError("busy")
 
     with pytest.raises(BackendFailure, match="8 attempts"):
-        Persistence(Patience(timeout_s=1, limit_s=1000), [], random.Random(0)).call(attempt)
+        Persistence(timeout_s=1, limit_s=1000, notes=[], jitter=random.Random(0)).call(attempt)
     waits = [later - earlier for earlier, later in itertools.pairwise(starts)]
     assert len(waits) == 7
     assert all(0.5 * 2**index <= wait <= 2**index for index, wait in enumerate(waits[:6]))

@@ -10,7 +10,6 @@ import traceback
 import pytest
 from bsa.backends import retrying
 from bsa.backends.opening import open_backend
-from bsa.backends.options import BackendOptions
 from bsa.core.contracts.reply_parsing import parse_object
 from bsa.core.errors import BsaError
 from bsa.core.messages import BackendFailure
@@ -85,7 +84,7 @@ def test_five_hundred_calls_to_a_faulty_server(
     rare = {"huge": 0.1, "stall": 0.4}
     weights = [rare.get(name, 1.0) for name in names]
     server = serve(lambda seen, handler: faults[rng.choices(names, weights)[0]](seen, handler))
-    options = BackendOptions(base_url=f"{server.url}/v1", timeout_s=TIMEOUT_S, retry_limit_s=RETRY_LIMIT_S)
+    options = {"base_url": f"{server.url}/v1", "timeout_s": TIMEOUT_S, "retry_limit_s": RETRY_LIMIT_S}
     backend = open_backend("openai:served-model", options)
     outcomes = {"replies": 0, "objects": 0, "lost": 0}
     worst = 0.0
@@ -118,7 +117,7 @@ def test_five_hundred_calls_to_a_faulty_server(
 def test_persistence_ends_in_a_lost_round(serve, messages, schema, monkeypatch):
     monkeypatch.setattr(retrying, "_FIRST_WAIT_S", 0.01)
     server = serve(lambda seen, handler: (500, {}, b""))
-    options = BackendOptions(base_url=f"{server.url}/v1", retry_limit_s=5)
+    options = {"base_url": f"{server.url}/v1", "retry_limit_s": 5}
     with pytest.raises(BackendFailure, match="14 attempts"):
         open_backend("openai:served-model", options).complete(messages, schema, seed=0)
     # Three with a schema, three in JSON mode, eight as plain text, and a new seed for each.
@@ -136,7 +135,7 @@ def test_a_server_that_fails_over_schemas_is_asked_otherwise(
         return (500, {}, b"{}") if failing else (200, {}, chat_completion(json.dumps(proposal)))
 
     server = serve(answer)
-    options = BackendOptions(base_url=f"{server.url}/v1")
+    options = {"base_url": f"{server.url}/v1"}
     for _ in range(2):
         assert open_backend("openai:served-model", options).complete(messages, schema, seed=0).structured_by == "json"
     # It may have been an outage: the schema is tried again.
@@ -154,6 +153,6 @@ def test_a_server_that_fails_and_names_the_form_is_believed(serve, chat_completi
     good = chat_completion(json.dumps(proposal))
     server = serve(answer)
     for _ in range(2):
-        backend = open_backend("openai:served-model", BackendOptions(base_url=f"{server.url}/v1"))
+        backend = open_backend("openai:served-model", {"base_url": f"{server.url}/v1"})
         assert backend.complete(messages, schema, seed=0).structured_by == "json"
     assert len(server.seen) == 3

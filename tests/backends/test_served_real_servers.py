@@ -121,7 +121,7 @@ def test_llama_cpp_holds_a_random_model_to_the_schema(llama_server, messages, sc
         if rule["type"] == "string":
             # This server fails over bytes that are not UTF-8, which a random model makes and a real one does not.
             rule["pattern"] = "^[a-z ]{0,40}$"
-    backend = open_backend("openai:tiny", BackendOptions(base_url=llama_server, max_reply_tokens=1500, temperature=0.7))
+    backend = open_backend("openai:tiny", {"base_url": llama_server, "max_reply_tokens": 1500, "temperature": 0.7})
     replies = [backend.complete(messages, schema, seed=seed) for seed in range(20)]
     assert {reply.structured_by for reply in replies} == {"schema"}
     for reply in replies:
@@ -134,7 +134,7 @@ def test_llama_cpp_holds_a_random_model_to_the_schema(llama_server, messages, sc
 
 def test_llama_cpp_gives_an_action_what_it_needs(llama_server, messages):
     offer = Offer(("set", "simulate", "jacobian", "look"), space(), ("cc_discharge",), analysis_chars=0)
-    backend = open_backend("openai:tiny", BackendOptions(base_url=llama_server, max_reply_tokens=1500, temperature=0.7))
+    backend = open_backend("openai:tiny", {"base_url": llama_server, "max_reply_tokens": 1500, "temperature": 0.7})
     replies = [backend.complete(messages, action_schema(offer), seed=seed) for seed in range(20)]
     needed = {"set": "updated_params", "simulate": "candidates", "jacobian": "action", "look": "step"}
     contents = [json.loads(reply.text) for reply in replies]
@@ -150,7 +150,7 @@ def test_a_preset_finds_the_server(llama_server):
 
 
 def test_transformers_serve_ignores_the_schema_and_the_reply_says_so(transformers_server, tiny_model, messages, schema):
-    options = BackendOptions(base_url=transformers_server, max_reply_tokens=40)
+    options = {"base_url": transformers_server, "max_reply_tokens": 40}
     reply = open_backend(f"openai:{tiny_model}", options).complete(messages, schema, seed=1)
     assert reply.text
     assert reply.structured_by == "text"
@@ -160,7 +160,7 @@ def test_transformers_serve_ignores_the_schema_and_the_reply_says_so(transformer
 
 
 def test_a_whole_run_behind_a_server_finishes(llama_server, run_toy, tmp_path):
-    options = BackendOptions(base_url=llama_server, max_reply_tokens=1500, retry_limit_s=5)
+    options = {"base_url": llama_server, "max_reply_tokens": 1500, "retry_limit_s": 5}
     backend = open_backend("openai:tiny", options)
     result = run_toy(tmp_path / "run", backend=backend, rounds=2, warm_up=3)
     assert result.llm_calls > 0

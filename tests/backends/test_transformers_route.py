@@ -5,7 +5,6 @@ import shutil
 import pytest
 from bsa.backends.loaded_model import LoadedModel, load
 from bsa.backends.opening import open_backend
-from bsa.backends.options import BackendOptions
 from bsa.core.messages import BackendFailure, Message, PromptRefused
 from bsa.core.proposal import CHANGE_PATTERN
 from bsa.plugins.agent.actions import Offer, action_schema, check_action
@@ -27,7 +26,7 @@ def _valid(text, schema):
 
 
 def _open(folder, **options):
-    return open_backend(f"transformers:{folder}", BackendOptions(**options))
+    return open_backend(f"transformers:{folder}", options)
 
 
 @pytest.mark.slow

@@ -28,7 +28,7 @@ _EARLY = 50
 class Memory:
     """Watches a grid and notes its worker's memory after each cell."""
 
-    def __init__(self, *_: Any) -> None:
+    def __init__(self) -> None:
         self.after_mb: list[float] = []
 
     def __enter__(self) -> Memory:
@@ -50,7 +50,7 @@ class Memory:
     def noted(self, text: str) -> None:
         """Something is worth saying."""
 
-    def tick(self, running: int, waiting: int, elsewhere: int) -> None:
+    def tick(self, elsewhere: int) -> None:
         """Time passes."""
 
 
@@ -77,7 +77,7 @@ def main(cells: int) -> None:
         plan = plan_toys(Path(folder), cells)
         memory = Memory()
         started = time.perf_counter()
-        rows, _ = run_campaign(plan, LocalPool(1, cells_per_worker=cells + 1), lambda *_: memory)
+        rows, _ = run_campaign(plan, LocalPool(1, cells_per_worker=cells + 1), memory)
         wall_s = time.perf_counter() - started
         traces = [read_json(plan.store.cell(cell.identity) / TRACE) or {} for cell in plan.cells]
         run_s = sum(float(trace["run_s"]) for trace in traces)

@@ -26,8 +26,8 @@ _BESIDE = """\
 A least-squares fit works beside you; you decide what to try. A point of yours that is clearly better than the fit's \
 becomes the fit's and costs nothing of the simulations you may spend. Where the fit stands, "the_record" leaves open, \
 merely narrows, or moves only together the parameters named there, and fixes all others{near}.
-Let the fit go on while it gets on. Step in when it is slow, when simulations fail or a step has vanished, or when \
-you see a cause that it cannot see."""
+Let the fit go on while its misfit falls. Step in when it is slow, when simulations fail or a step has vanished, or \
+when you see a cause that it cannot see."""
 
 _NEAR = ". Near the noise, as here, open ones are no causes"
 _NEAR_THE_NOISE = 3.0

@@ -3,7 +3,7 @@ import time
 from contextlib import suppress
 
 import pytest
-from bsa.core.contracts.reply_parsing import MAX_REPLY_CHARS, parse_object, strip_control
+from bsa.core.contracts.reply_parsing import MAX_REPLY_CHARS, parse_object
 from bsa.core.errors import BsaError
 from hypothesis import given
 from hypothesis import strategies as st
@@ -107,7 +107,3 @@ SHORT = st.text(max_size=12)
 @given(st.dictionaries(SHORT, st.recursive(st.none() | st.booleans() | st.integers() | SHORT, st.lists, max_leaves=8)))
 def test_valid_json_comes_back_as_it_is(content: dict) -> None:
     assert parse_object("answer:\n" + json.dumps(content)) == content
-
-
-def test_control_codes_are_stripped() -> None:
-    assert strip_control("a\x1b[31mred\x1b[0m\x1b]0;title\x07\x9b2Jb\x08\tc\r\nd\u202ee") == "ared" + "b\tc\nde"

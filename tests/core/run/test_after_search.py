@@ -16,6 +16,7 @@ from bsa.core.parameters import Candidate
 from bsa.core.run import after_search
 from bsa.core.run.after_search import AfterSearch
 from bsa.core.run.journal import FILE_NAME, Journal, read_events
+from bsa.core.run.listener import SILENT
 from bsa.core.run.loop import Run, RunResult
 from bsa.core.run.recording import Recorder
 from bsa.core.run.run_config import RunConfig
@@ -118,7 +119,7 @@ def executed(folder: Path, plugins: FadingLives, soon: list[RunResult]) -> RunRe
         if not earlier:
             journal.append("run", format=1, identity="x", config={}, versions={}, task={})
         recorder = Recorder(journal, earlier)
-        run = Run(fading_task(), config, plugins, recorder, journal, folder, earlier, None, True, soon.append)  # type: ignore[arg-type]
+        run = Run(fading_task(), config, plugins, recorder, journal, folder, earlier, SILENT, True, soon.append)  # type: ignore[arg-type]
         return run.execute()
 
 
@@ -165,7 +166,7 @@ def test_a_forecast_goes_on_in_the_middle_of_its_band(tmp_path: Path) -> None:
     def predicted(simulating: FadingLives) -> tuple[Any, ...]:
         earlier = list(read_events(tmp_path))
         with closing(Journal(tmp_path)) as journal:
-            return AfterSearch(task, simulating, journal, earlier, None).predict(best, analysis)  # type: ignore[arg-type]
+            return AfterSearch(task, simulating, journal, earlier).predict(best, analysis)  # type: ignore[arg-type]
 
     first, second = FadingLives(2), FadingLives(10)
     assert predicted(first) == ()

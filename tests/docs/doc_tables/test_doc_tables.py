@@ -160,14 +160,6 @@ def test_measured_cells_show_what_was_named_and_how_far_the_gap_went(made):
     assert "| contact-resistance | 52.3 mohm (32.0 to 73.0) | 81.0 → 40.0 | 66.0 → 29.0 | 90 |" in text
 
 
-def test_a_shortlist_counts_places(made):
-    rows = [
-        {"case": "a", "ranked_by": "score test", "place": 1.0},
-        {"case": "b", "ranked_by": "score test", "place": math.inf},
-    ]
-    assert "| score test | 2 | 1 | 1 | 1 |" in made("discovery-shortlists", discovery_shortlists=rows)
-
-
 def test_mechanisms_found_are_counted_where_one_was_hidden(made):
     def row(case, hidden, verdict, named, rivals=""):
         errors = {"base_error": 5.0, "error": 1.0, "base_later_error": 9.0, "later_error": 1.5}

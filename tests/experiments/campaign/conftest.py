@@ -21,7 +21,7 @@ MakePlan = Callable[..., Plan]
 class Quiet:
     """Watches a grid and remembers."""
 
-    def __init__(self, *_: Any) -> None:
+    def __init__(self) -> None:
         self.ran: list[str] = []
         self.found: list[str] = []
         self.losses: list[str] = []
@@ -47,7 +47,7 @@ class Quiet:
     def noted(self, text):
         pass
 
-    def tick(self, running, waiting, elsewhere):
+    def tick(self, elsewhere):
         pass
 
 

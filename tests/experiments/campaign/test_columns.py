@@ -31,7 +31,7 @@ def with_one_more(monkeypatch):
 @pytest.mark.slow
 def test_a_new_column_is_in_the_files_and_on_the_page(make_plan, with_one_more):
     plan = make_plan()
-    rows, _ = run_campaign(plan, Here(), lambda plan, pool: Quiet())
+    rows, _ = run_campaign(plan, Here(), Quiet())
     expected = [row["llm_calls"] / row["simulations"] for row in rows]
     assert [row["calls_a_simulation"] for row in rows] == expected
     with (plan.folder / "cells.csv").open() as file:

@@ -218,7 +218,7 @@ def test_worker_processes_find_the_same_as_this_one(make_plan):
     here, there = make_plan(store="here"), make_plan(store="there")
     run_here(here)
     pool = LocalPool(2, cells_per_worker=1)
-    rows, remarks = run_campaign(there, pool, lambda plan, pool: Quiet())
+    rows, remarks = run_campaign(there, pool, Quiet())
     assert not remarks
     assert numbers(rows) == numbers(rows_of(noted(there), here.store))
     assert [row["state"] for row in rows] == ["done"] * 4
@@ -250,7 +250,7 @@ def test_killed_workers_are_replaced_and_their_cells_resumed(make_plan):
     killer = threading.Thread(target=kill)
     killer.start()
     try:
-        rows, _ = run_campaign(rough, pool, lambda plan, pool: watcher)
+        rows, _ = run_campaign(rough, pool, watcher)
     finally:
         stop.set()
         killer.join()

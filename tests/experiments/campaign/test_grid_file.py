@@ -156,6 +156,6 @@ def test_an_exclusion_by_name_or_pattern_leaves_cells_out(make_plan):
 @pytest.mark.slow
 def test_samplers_of_a_grid_spend_their_whole_budget(make_plan):
     plan = make_plan(tasks=1, scaffolds=["random", "cma-es", "de"], rounds=2, simulations=30)
-    rows, _ = run_campaign(plan, Here(), lambda plan, pool: Quiet())
+    rows, _ = run_campaign(plan, Here(), Quiet())
     assert {row["simulations"] for row in rows} == {30}
     assert {row["status"] for row in rows} == {"simulations-spent"}

@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from bsa.core.run.journal import Journal
@@ -35,12 +36,21 @@ FLAGS = (
 @pytest.fixture
 def finished(make_plan):
     plan = make_plan(tasks=3, summary="What <b>is</b> it worth?", exclude=[{"task": "toy-2", "scaffold": "no-memory"}])
-    run_campaign(plan, Here(), lambda plan, pool: Quiet())
+    run_campaign(plan, Here(), Quiet())
     return plan
 
 
 def block(html: str, name: str):
     return json.loads(re.search(rf'<script type="application/json" id="{name}">(.*?)</script>', html, re.S)[1])
+
+
+def test_long_words_of_a_round_stand_on_one_line():
+    said = Mock(lost="", hypothesis="too thick,\n" * 100, updates={}, trials=(), best=None)
+    words = page._round(said)["words"]
+    assert words.startswith("too thick, too thick, ")
+    assert words.endswith("…")
+    assert len(words) == 280
+    assert "\n" not in words
 
 
 @pytest.mark.slow

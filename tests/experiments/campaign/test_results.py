@@ -4,10 +4,16 @@ import csv
 import json
 import math
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from bsa.core.contracts.registry import Registry
 from bsa.core.errors import BsaError
+from bsa.core.hooks import Entry, hookimpl
+from bsa.core.scaffold import PluginChoice
+from bsa.experiments.campaign import estimate as estimates
 from bsa.experiments.campaign.calibration import Calibration
 from bsa.experiments.campaign.estimate import estimate, experience, need_of
 from bsa.experiments.campaign.figures import _medians, pareto
@@ -23,7 +29,7 @@ from .conftest import Here, Quiet, noted
 @pytest.fixture
 def finished(make_plan):
     plan = make_plan()
-    run_campaign(plan, Here(), lambda plan, pool: Quiet())
+    run_campaign(plan, Here(), Quiet())
     return plan
 
 
@@ -103,6 +109,18 @@ def test_dry_run_learns_from_finished_cells(finished, make_plan):
     assert need.cost_usd == pytest.approx(need.tokens * 2e-6)
 
 
+@pytest.mark.parametrize("asks", [True, False])
+def test_a_proposer_of_a_plugin_says_whether_it_asks_the_model(make_plan, monkeypatch, asks):
+    entry = Entry("zz-asker", lambda options, context: None, "Asks.", api=1, asks_model=asks)
+    registry = Registry()
+    registry.register(SimpleNamespace(bsa_proposers=hookimpl(lambda: [entry])), "zz", "zz-asks 0.1")
+    (cell,) = make_plan(tasks=1, scaffolds=["full"], backends=["litellm:some/model"]).cells
+    scaffold = cell.config.scaffold.model_copy(update={"proposer": PluginChoice(use="zz-asker")})
+    monkeypatch.setattr(estimates, "installed", registry.collect)
+    need = need_of(replace(cell, config=cell.config.model_copy(update={"scaffold": scaffold})), {})
+    assert (need.calls > 0, need.tokens > 0) == (asks, asks)
+
+
 @pytest.mark.parametrize(
     ("status", "allowed", "budget", "share"),
     [
@@ -128,7 +146,7 @@ def test_what_finished_cells_took_is_scaled_to_the_budget(make_plan, status, all
 
 def test_how_many_rounds_a_finished_cell_was_allowed_stands_in_its_journal(make_plan):
     plan = make_plan(tasks=1, scaffolds=["full"], rounds=2, warm_up=0, simulations=50)
-    run_campaign(plan, Here(), lambda plan, pool: Quiet())
+    run_campaign(plan, Here(), Quiet())
     ((known,),) = experience(plan.store).values()
     assert (known["status"], known["rounds"]) == ("rounds-spent", 2)
 
@@ -196,7 +214,7 @@ def test_a_cell_that_failed_and_is_interrupted_when_it_is_run_again_is_stopped(m
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Calibration, "run", interrupted)
-    run_campaign(plan, Here(), lambda plan, pool: Quiet())
+    run_campaign(plan, Here(), Quiet())
     (after,) = rows_of(noted(plan), plan.store)
     assert (after["state"], after["reason"]) == ("stopped", "interrupted")
 

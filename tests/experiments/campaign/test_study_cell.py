@@ -25,7 +25,7 @@ def halved(folder: Path, number: float, seed: int = 0) -> dict[str, Any]:
 
 def carried_out(store: Path, items: dict[str, dict[str, Any]]) -> tuple[list[Any], list[dict[str, Any]], list[str]]:
     plan, pool = plan_study("halves", halved, items, store), Here()
-    rows, remarks = run_campaign(plan, pool, lambda plan, pool: Quiet())
+    rows, remarks = run_campaign(plan, pool, Quiet())
     assert not remarks
     assert (plan.folder / "cells.csv").is_file()
     return rows, [row["half"] for row in rows_found(plan)], pool.carried
@@ -53,7 +53,7 @@ def test_rows_are_those_of_the_plan_where_another_process_has_begun_the_study_an
             write_manifest(other.about, other.cells, other.folder)
             super().submit(order)
 
-    rows, _ = run_campaign(plan, Meanwhile(), lambda plan, pool: Quiet())
+    rows, _ = run_campaign(plan, Meanwhile(), Quiet())
     assert [(row["task"], row["state"]) for row in rows] == [("four", "done")]
 
 
@@ -94,7 +94,7 @@ def test_a_file_counts_by_its_content_and_one_that_is_missing_fails_alone(tmp_pa
     assert first.cells[0].identity == plan("there").cells[0].identity
     (tmp_path / "there" / "a.txt").write_text("abc")
     assert first.cells[0].identity != plan("there").cells[0].identity
-    rows, _ = run_campaign(first, Here(), lambda plan, pool: Quiet())
+    rows, _ = run_campaign(first, Here(), Quiet())
     assert [(row["task"], row["state"]) for row in rows] == [("a", "done"), ("b", "failed")]
     assert rows[1]["reason"] == f"there is no file {tmp_path / 'here' / 'b.txt'}."
 
@@ -104,7 +104,7 @@ def test_what_is_found_is_written_part_by_part(tmp_path: Path) -> None:
     plan = plan_study("two-files", read, {"a": {"file": tmp_path / "a.txt", "name": "a"}}, tmp_path / "store")
     assert write_found(plan, repr) == ""
     assert not plan.folder.exists()
-    run_campaign(plan, Here(), lambda plan, pool: Quiet())
+    run_campaign(plan, Here(), Quiet())
     assert write_found(plan, lambda rows: f"{len(rows)} row") == "1 row"
     assert write_found(plan, lambda rows: f"{len(rows)} letters", "letters") == "2 letters"
     written = {name: (plan.folder / name).read_text().split() for name in ("two_files.csv", "two_files.md")}

@@ -20,6 +20,7 @@ from typer.testing import CliRunner
         ("--data a.csv --reference b.csv c.csv", "--data a.csv --reference b.csv --reference c.csv"),
         ("--data a.csv regular-134", "--data a.csv regular-134"),
         ("--data a.csv task.yaml", "--data a.csv task.yaml"),
+        ("--data a.csv TASK.YAML", "--data a.csv TASK.YAML"),
         ("--data record", "--data record"),
         ("demo --data a.csv", "demo --data a.csv"),
         ("--data a.csv -- b.csv", "--data a.csv -- b.csv"),

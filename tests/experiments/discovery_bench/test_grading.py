@@ -1,5 +1,6 @@
 import base64
 import json
+import math
 import zlib
 from types import SimpleNamespace
 
@@ -173,6 +174,12 @@ def test_graded_cases_survive_a_file(tmp_path):
     graded = grade_cases(tmp_path, "discovery")
     write_csv(tmp_path / "cases.csv", [graded_row(case) for case in graded])
     assert [graded_of(found) for found in read_table(tmp_path / "cases.csv")] == graded
+
+
+def test_a_shortlist_counts_places():
+    found = {"a": 1.0, "b": math.inf}
+    places = [{"case": case, "ranked_by": "score test", "place": place} for case, place in found.items()]
+    assert "| score test | 2 | 1 | 1 | 1 |" in shortlist_table(places)
 
 
 def test_a_shortlist_is_graded_by_the_place_of_what_was_hidden(tmp_path):

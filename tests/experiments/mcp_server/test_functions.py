@@ -1,5 +1,6 @@
 """What a name means does not depend on the folder that the server was started in."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -38,12 +39,42 @@ def test_values_are_tried_in_an_installed_set(function: Any, started_in: Path) -
         function([started_in / "records" / "a.csv"], {}, {"parameters": "run"}, {})
 
 
-def test_what_a_journal_names_is_known_before_it_is_gone_on_with(monkeypatch: pytest.MonkeyPatch) -> None:
-    options = {"data": [{"path": "/a.csv", "joined": ["/b.csv"]}], "holdout": [], "parameters": "/run", "search": "all"}
-    for event, expected in [
-        ({"config": {"backend": "manual"}}, ({"backend": "manual"}, [])),
-        ({"options": options}, (options, ["/a.csv", "/b.csv", "/run"])),
-        ({}, ({}, [])),
-    ]:
-        monkeypatch.setattr(functions, "read_events", lambda folder, event=event: iter([event]))
-        assert functions.begun_with(Path("run")) == expected
+def _begun(folder: Path, **event: Any) -> Path:
+    folder.mkdir()
+    (folder / "journal.jsonl").write_text(json.dumps({"event": "run", **event}) + "\n")
+    return folder
+
+
+def test_what_a_calibration_was_begun_with(tmp_path: Path) -> None:
+    assert functions.begun_with(_begun(tmp_path / "run", config={"backend": "manual"})) == ({"backend": "manual"}, [])
+    assert functions.begun_with(_begun(tmp_path / "nothing")) == ({}, [])
+
+
+@pytest.mark.parametrize(
+    ("others", "read"),
+    [
+        ({"parameters": "/run", "search": "all"}, ["/run"]),
+        ({"parameters": "Chen2020", "search": "/own.yaml"}, ["/own.yaml"]),
+        ({"parameters": "../run", "search": "own.yaml"}, ["../run", "own.yaml"]),
+        ({"parameters": "Chen2020", "search": {}, "backend": "manual"}, []),
+        ({"parameters": "Chen2020", "config": {}}, []),
+    ],
+)
+def test_what_a_discovery_was_begun_with(others: Any, read: list[str], tmp_path: Path) -> None:
+    config = {"config": others.pop("config")} if "config" in others else {}
+    files = {
+        "data": [{"path": "/a.csv", "joined": ["/b.csv"]}],
+        "holdout": ["/c.csv"],
+        "reference": ["/d.csv", "e.csv"],
+    }
+    folder = _begun(tmp_path / "run", kind="discovery", options={**files, **others}, **config)
+    begun, paths = functions.begun_with(folder)
+    assert (begun["parameters"], begun["backend"]) == (others["parameters"], others.get("backend"))
+    assert paths == ["/a.csv", "/b.csv", "/c.csv", "/d.csv", "e.csv", *read]
+
+
+def test_parameters_of_a_discovery_that_goes_on_are_an_installed_set(started_in: Path) -> None:
+    options = {"data": [str(started_in / "records" / "a.csv")], "parameters": "run"}
+    folder = _begun(started_in / "begun", kind="discovery", options=options)
+    with pytest.raises(BsaError, match='there is no parameter set "run"'):
+        functions.discover({"resume": folder})

@@ -225,19 +225,34 @@ def test_a_task_has_its_own_cell_and_its_own_way_of_reading(cell: Any, reading: 
 
 @pytest.mark.slow
 def test_a_run_that_asks_a_backend_or_reads_elsewhere_is_not_gone_on_with(use: Use, tmp_path: Path) -> None:
+    inside = str(tmp_path / "a.csv")
+    (tmp_path / "a.csv").write_text("time / s\n")
+
+    def discovery(**others: Any) -> dict[str, Any]:
+        options = {"data": [inside], "parameters": "Chen2020", **others}
+        return {"event": "run", "kind": "discovery", "options": options}
+
     events = {
         "asks": {"event": "run", "config": {"backend": "manual", "backend_options": {"exchange": "/elsewhere"}}},
-        "reads": {
-            "event": "discovery",
-            "options": {"data": [{"path": "/etc/passwd", "joined": []}], "parameters": "x"},
-        },
+        "reads": discovery(data=["/etc/passwd"]),
+        "references": discovery(reference=["/etc/passwd"]),
+        "joins": discovery(data=[{"path": inside, "joined": ["/etc/passwd"]}]),
+        "begins": discovery(data=["a.csv"]),
+        "searches": discovery(search="own.yaml"),
+        "starts": discovery(parameters="../run"),
+        "links": discovery(data=[f"{tmp_path / 'link.csv'}#part"]),
     }
+    (tmp_path / "link.csv").symlink_to("/etc/passwd")
     for name, event in events.items():
         (tmp_path / name).mkdir()
         (tmp_path / name / "journal.jsonl").write_text(json.dumps(event) + "\n")
 
     async def act(client: Client) -> None:
         assert 'asks the backend "manual"' in await refused(client, "calibrate", resume="asks")
-        assert "lies outside the folders" in await refused(client, "discover", resume="reads")
+        for name in ("reads", "references", "joins"):
+            assert "lies outside the folders" in await refused(client, "discover", resume=name)
+        for name in ("begins", "searches", "starts"):
+            assert "begins where the server was started" in await refused(client, "discover", resume=name)
+        assert "is or holds a symbolic link" in await refused(client, "discover", resume="links")
 
     use(act)

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from bsa.experiments.report.chart import Chart, horizontal, limits_around, padded
+from bsa.experiments.report.chart import Chart, horizontal, limits_around, padded, residual_limit
 
 
 def test_rounding_does_not_scale_an_axis() -> None:
@@ -15,6 +15,13 @@ def test_an_axis_shows_a_small_swing_that_is_no_rounding() -> None:
     low, high = limits_around([np.array([3.7, 3.7005])])
     assert 3.69 < low < 3.7
     assert 3.7005 < high < 3.71
+
+
+def test_a_short_spike_does_not_decide_an_axis_of_residuals() -> None:
+    calm = np.tile([2.0, -2.0], 50)
+    spike = np.append(calm, 1000.0)
+    assert residual_limit([calm], 1.0) == residual_limit([calm, spike], 1.0) == pytest.approx(2.8)
+    assert residual_limit([calm], 5.0) == residual_limit([np.array([])], 5.0) == 5.0
 
 
 def test_every_peak_of_a_varying_current_is_drawn() -> None:

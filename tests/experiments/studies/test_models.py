@@ -111,9 +111,9 @@ def test_a_card_sets_a_backend_beside_rules_and_hybrid(tmp_path: Path, monkeypat
         }
     )
     plan = plan_campaign(grid, tmp_path / "toy")
-    rows, _ = run_campaign(plan, Here(), lambda plan, pool: Quiet())
+    rows, _ = run_campaign(plan, Here(), Quiet())
     rankings = plan_rankings([REPORT], bad, 1, tmp_path / "toy", plan.folder / "rankings")
-    ranked, _ = run_campaign(rankings, Here(), lambda plan, pool: Quiet())
+    ranked, _ = run_campaign(rankings, Here(), Quiet())
     found = card(bad.use, "full", 12, rows, ranked, [REPORT], plan.store)
     assert (found.simulations, found.tasks, found.reports) == (12, 1, 1)
     assert found.rules_pct < found.error_pct

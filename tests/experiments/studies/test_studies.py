@@ -59,7 +59,7 @@ def scaffolds(*names: str) -> list[Scaffold]:
 def ran(grid, folder: Path):
     """The rows of a study's grid and its store."""
     plan = plan_campaign(grid, folder / "store")
-    rows, _ = run_campaign(plan, Here(), lambda plan, pool: Quiet())
+    rows, _ = run_campaign(plan, Here(), Quiet())
     assert {row["state"] for row in rows} == {"done"}
     return rows, plan
 
@@ -122,7 +122,7 @@ def test_a_cell_that_was_taken_up_again_has_no_rounds_to_time(tmp_path: Path) ->
     lines = (folder / "journal.jsonl").read_text().splitlines(keepends=True)
     (folder / "journal.jsonl").write_text("".join(lines[:5]))
     (folder / "result.json").unlink()
-    again, _ = run_campaign(plan, Here(), lambda plan, pool: Quiet())
+    again, _ = run_campaign(plan, Here(), Quiet())
     assert [row["resumed"] for row in again] == ["yes", ""]
     assert (again[0]["mape"], again[0]["simulations"]) == (rows[0]["mape"], rows[0]["simulations"])
     (row,) = write_runtime(again[:1], plan.store, tmp_path / "out")

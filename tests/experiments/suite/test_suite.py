@@ -6,10 +6,9 @@ from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from bsa.core.errors import BsaError
-from bsa.experiments.suite.case import Noise, SuiteCase, protocol
+from bsa.experiments.suite.case import SuiteCase, protocol
 from bsa.experiments.suite.generated import COLUMNS, all_cases, generate, generated_cases, write
 from bsa.experiments.suite.published import _BESIDE_THE_REPOSITORY, published_cases
 from bsa.experiments.suite.random import SETS, random_cases
@@ -143,16 +142,9 @@ def test_cases_by_name_and_pattern() -> None:
     assert "regular-0" in caught.value.hint
 
 
-def test_unknown_suite() -> None:
-    with pytest.raises(BsaError) as caught:
-        load_suite("publishd")
-    assert "published" in caught.value.hint
-
-
-def test_noise_is_off_by_default() -> None:
-    assert not Noise()
-    assert Noise(voltage_v=1e-3)
-    assert np.isclose(Noise(1e-3).current, 0.0)
+def test_noise_is_off_by_default_and_put_on_every_case() -> None:
+    assert {case.noise_v for case in load_suite("generated").values()} == {0.0}
+    assert {case.noise_v for case in load_suite("generated", noise_v=1e-3).values()} == {1e-3}
 
 
 def test_the_case_that_runtime_takes_by_default_exists() -> None:

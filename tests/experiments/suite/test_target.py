@@ -12,7 +12,7 @@ from bsa.core.simulation import ExperimentRun, SimulationFailure
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.suite import target
 from bsa.experiments.suite.build import build_task
-from bsa.experiments.suite.case import Noise, SuiteCase
+from bsa.experiments.suite.case import SuiteCase
 from bsa.experiments.suite.filters import passes
 
 CASE = SuiteCase("regular", 0, "Chen2020", 1.0, 1.0, {"Separator thickness [m]": 2e-5})
@@ -80,13 +80,18 @@ def test_a_damaged_cache_is_made_again(solves: list[dict[str, float]], tmp_path:
 
 
 def test_noise_is_repeatable_and_leaves_rests_alone(solves: list[dict[str, float]], tmp_path: Path) -> None:
-    noisy = replace(CASE, noise=Noise(1e-3, 1e-3))
+    noisy = replace(CASE, noise_v=1e-3)
     clean, one, two = (target.target_of(case).trajectory for case in (CASE, noisy, noisy))
     assert clean is not None
     assert one is not None
     assert two is not None
     np.testing.assert_array_equal(one.voltage, two.voltage)
+    np.testing.assert_array_equal(one.current, clean.current)
     assert 0 < np.std(one.voltage - clean.voltage) < 5e-3
+    # The same noise as ever: the second draw of the case's generator.
+    rng = np.random.default_rng(list(CASE.key.encode()))
+    rng.standard_normal(len(clean))
+    np.testing.assert_array_equal(one.voltage, clean.voltage + 1e-3 * rng.standard_normal(len(clean)))
     assert len(solves) == 1
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from bsa.core.errors import BsaError
+from bsa.experiments.tasks.find import find_task
 from bsa.experiments.tasks.task_file import load_task_file
 
 HEAD = "Date,Time [s],Current [A],Voltage [V]\n"
@@ -32,6 +34,14 @@ def test_several_files_of_one_cell_are_one_record(folder: Path) -> None:
     assert len(experiment.target) == 62
     assert experiment.target.discharge_capacity[-1] == pytest.approx(2 * 2.5 / 3.0, rel=0.1)
     assert any("joined" in note for note in load_task_file(folder / "task.yaml").notes)
+
+
+def test_an_ending_in_capitals_is_one_of_a_task_file(folder: Path) -> None:
+    (folder / "task.yaml").rename(folder / "TASK.YAML")
+    assert find_task(str(folder / "TASK.YAML")).name == "joined"
+    (folder / "TASK.JSON").write_text("{", encoding="utf-8")
+    with pytest.raises(BsaError, match="is not valid JSON"):
+        find_task(str(folder / "TASK.JSON"))
 
 
 @pytest.mark.parametrize("said", [True, False])
