@@ -12,8 +12,8 @@ intervals). Nocedal & Wright, Numerical Optimization, 2nd ed. (2006), Ch. 10.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
@@ -77,7 +77,7 @@ class Combination:
 
 @dataclass(frozen=True)
 class Identifiability:
-    """What a fit determines. JSON-ready through `as_json`."""
+    """What a fit determines."""
 
     intervals: Mapping[str, Interval]  # By parameter.
     combinations: tuple[Combination, ...]  # Best determined first.
@@ -109,28 +109,6 @@ class Identifiability:
     def apart(self) -> tuple[str, ...]:
         """The parameters whose fitted values lie outside their intervals: others follow the records clearly better."""
         return tuple(name for name, one in self.intervals.items() if not one.lower <= one.value <= one.upper)
-
-    def as_json(self) -> dict[str, Any]:
-        """Plain dicts, lists, strings and numbers."""
-        content = asdict(self)
-        content["combinations"] = [dict(combination) for combination in content["combinations"]]
-        content["correlated"] = [list(group) for group in self.correlated]
-        content["covariance"] = [list(row) for row in self.covariance]
-        content["draws"] = [list(row) for row in self.draws]
-        return content
-
-    @classmethod
-    def from_json(cls, content: Mapping[str, Any]) -> Identifiability:
-        """The inverse of `as_json`."""
-        return cls(
-            {name: Interval(**interval) for name, interval in content["intervals"].items()},
-            tuple(Combination(**combination) for combination in content["combinations"]),
-            tuple(tuple(group) for group in content["correlated"]),
-            content["noise"],
-            content["points"],
-            tuple(tuple(map(float, row)) for row in content.get("covariance", ())),
-            tuple(tuple(map(float, row)) for row in content.get("draws", ())),
-        )
 
 
 def residual_noise(residual: FloatArray, parameters: int, floor: float = 0.0) -> float:

@@ -12,7 +12,7 @@ from ..task import Protocol as StepProtocol
 from ..trajectory import FloatArray, Trajectory
 from ..trial import Trial
 from .derivatives import beside
-from .forecast import Forecast, what_to_measure_next
+from .forecast import what_to_measure_next
 from .identifiability import open_directions
 from .simulating import Simulating, Spent
 
@@ -26,12 +26,14 @@ _FULL = 1.0
 
 @dataclass(frozen=True)
 class Suggestion:
-    """A further record, and what it would do."""
+    """A further record, and what it would do to the intervals."""
 
     name: str  # ``"C/20 discharge"``.
     protocol: StepProtocol  # Its cycles of steps, from a fully charged cell.
     hours: float  # How long the fitted cell takes for it, h.
-    forecast: Forecast  # The intervals with it.
+    worst: str  # The parameter that would then be known worst.
+    worst_share_of_range: float  # Half the width of its interval, as a share of the range.
+    shares_of_range: Mapping[str, float]  # The same for every parameter.
 
 
 def suggestions(
@@ -81,9 +83,8 @@ def suggestions(
         # The smallest matrix that maps the steps taken to the changes seen.
         rows[experiment.name] = np.array(changes).T @ np.linalg.pinv(moved.T)
         hours[experiment.name] = run.trajectory.duration / 3600.0
-    forecasts = what_to_measure_next(jacobian, rows, now, noise)
-    found = (
-        Suggestion(forecast.protocol, protocols[forecast.protocol], hours[forecast.protocol], forecast)
-        for forecast in forecasts
-    )
+    found = []
+    for name, shares in what_to_measure_next(jacobian, rows, now, noise).items():
+        worst = max(shares, key=lambda parameter: shares[parameter])
+        found.append(Suggestion(name, protocols[name], hours[name], worst, shares[worst], shares))
     return tuple(found), 0

@@ -20,7 +20,6 @@ from ..task import Task
 from ..trajectory import FloatArray
 from ..trial import Trial
 from .derivatives import DIFFERENCE, known_derivatives
-from .forecast import Forecast
 from .identifiability import Identifiability, identify, not_narrower, unsettled, with_sample
 from .measure_next import Suggestion, suggestions
 from .residual_errors import Errors, errors_of
@@ -59,64 +58,16 @@ class PostFitAnalysis:
     forgone: int = 0  # Simulations by which the budget does not suffice for further records; those are not looked for.
 
     def as_json(self) -> dict[str, Any]:
-        """Plain dicts, lists, strings and numbers; what the records fix stands at the top level."""
-        found = self.identifiability.as_json()
-        return {
-            **found,
-            "singular_values": [combination["singular_value"] for combination in found["combinations"]],
-            "base": self.base,
-            "unknown": list(self.unknown),
-            "unsettled": list(self.unsettled),
-            "worst": self.worst,
-            "measure_next": [
-                {
-                    "name": suggestion.name,
-                    "protocol": [list(cycle) for cycle in suggestion.protocol],
-                    "hours": suggestion.hours,
-                    "worst": suggestion.forecast.worst,
-                    "worst_share_of_range": suggestion.forecast.worst_share,
-                    "shares_of_range": dict(suggestion.forecast.shares),
-                }
-                for suggestion in self.measure_next
-            ],
-            "simulations": self.simulations,
-            "reused": self.reused,
-            "seconds": self.seconds,
-            "fade": [asdict(band) for band in self.fade],
-            "budget": self.budget,
-            "widened": self.widened,
-            "cut_short": self.cut_short,
-            "forgone": self.forgone,
-        }
+        """Plain dicts, sequences, strings and numbers; what the records fix stands at the top level."""
+        content = asdict(self)
+        found = content.pop("identifiability")
+        singular_values = [combination["singular_value"] for combination in found["combinations"]]
+        return {**found, "singular_values": singular_values, **content}
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> PostFitAnalysis:
-        """The inverse of `as_json`."""
-        suggestions = tuple(
-            Suggestion(
-                entry["name"],
-                tuple(tuple(cycle) for cycle in entry["protocol"]),
-                entry["hours"],
-                Forecast(entry["name"], entry["worst"], entry["worst_share_of_range"], dict(entry["shares_of_range"])),
-            )
-            for entry in content["measure_next"]
-        )
-        return cls(
-            content["base"],
-            Identifiability.from_json(content),
-            tuple(content["unknown"]),
-            tuple(content["unsettled"]),
-            content["worst"],
-            suggestions,
-            shaped(int, content["simulations"]),
-            shaped(int, content["reused"]),
-            shaped(float, content["seconds"]),
-            shaped(tuple[FadeBand, ...], content.get("fade", [])),
-            shaped(int, content.get("budget", 0)),
-            shaped(float, content.get("widened", 1.0)),
-            shaped(bool, content.get("cut_short", True)),
-            shaped(int, content.get("forgone", 0)),
-        )
+        """The inverse of `as_json`, of earlier versions' too. Raises `ValueError` where it is of another shape."""
+        return shaped(cls, {**content, "identifiability": content})  # type: ignore[no-any-return]
 
 
 def analyse(
