@@ -185,13 +185,16 @@ def _posterior(
 def _jacobian(
     task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulating, spent: Spent
 ) -> tuple[FloatArray, int, tuple[str, ...], list[tuple[FloatArray, FloatArray]]]:
-    """The Jacobian, how many of its columns the search knew, what could not be had, and what was simulated for it."""
+    """The Jacobian, how many of its columns the search knew, what could not be had, and what was simulated for it.
+
+    Derivatives that could not be had are zero.
+    """
     assert best.residuals is not None
     space = task.space
     looked: list[tuple[FloatArray, FloatArray]] = []
     centre = space.to_unit(best.candidate)
     known = known_derivatives(trials, best, space)
-    columns = dict(known.columns)
+    columns = dict(known)
     side = np.where(centre <= 0.5, 1.0, -1.0)
     for attempt in (1.0, -1.0):
         # A neighbour that fails on one side may run on the other.
@@ -210,6 +213,8 @@ def _jacobian(
             if there is not None and change != 0.0:
                 looked.append((point, there))
                 columns[place] = (there - best.residuals) / change
-    found = replace(known, columns=columns)
-    unknown = tuple(space.names[place] for place in found.missing(len(space)))
-    return found.matrix(len(best.residuals), len(space)), len(known.columns), unknown, looked
+    unknown = tuple(name for place, name in enumerate(space.names) if place not in columns)
+    jacobian = np.zeros((len(best.residuals), len(space)))
+    for place, column in columns.items():
+        jacobian[:, place] = column
+    return jacobian, len(known), unknown, looked
