@@ -95,10 +95,7 @@ def write(data: Record | Trajectory, path: Path, steps: bool = True) -> None:
     lines.extend(
         ",".join(map(repr, row)) for row in zip(*(values.tolist() for values in columns.values()), strict=True)
     )
-    try:
-        write_text(path, "\n".join(lines) + "\n")
-    except OSError as error:
-        raise BsaError(f"{shown(path)} cannot be written: {shown(error.strerror)}.", "choose another place.") from None
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def _to_write(trajectory: Trajectory) -> NDArray[np.bool_]:
