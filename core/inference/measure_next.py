@@ -9,7 +9,7 @@ from ..comparison.residuals import residuals
 from ..simulation import Outcome
 from ..task import Experiment, Task
 from ..task import Protocol as StepProtocol
-from ..trajectory import FloatArray, Trajectory
+from ..trajectory import SECONDS_PER_HOUR, FloatArray, Trajectory
 from ..trial import Trial
 from .derivatives import beside
 from .forecast import what_to_measure_next
@@ -82,7 +82,7 @@ def suggestions(
             continue
         # The smallest matrix that maps the steps taken to the changes seen.
         rows[experiment.name] = np.array(changes).T @ np.linalg.pinv(moved.T)
-        hours[experiment.name] = run.trajectory.duration / 3600.0
+        hours[experiment.name] = run.trajectory.duration / SECONDS_PER_HOUR
     found = []
     for name, shares in what_to_measure_next(jacobian, rows, now, noise).items():
         worst = max(shares, key=lambda parameter: shares[parameter])

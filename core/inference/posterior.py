@@ -64,9 +64,7 @@ def going_on(draws: FloatArray, costs: Callable[[FloatArray], FloatArray]) -> Fl
     return np.asarray(draws[some[order]])
 
 
-def sample(
-    costs: Callable[[FloatArray], FloatArray], walkers: FloatArray, moves: int = MOVES, seed: int = 0
-) -> FloatArray:
+def sample(costs: Callable[[FloatArray], FloatArray], walkers: FloatArray, moves: int = MOVES) -> FloatArray:
     """Draws from the posterior, shape (n, p).
 
     Parameters
@@ -76,7 +74,7 @@ def sample(
     walkers : ndarray of shape (w, p)
         Where they start; an even number.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     walkers, half = walkers.copy(), len(walkers) // 2
     cost = costs(walkers)
     kept: list[FloatArray] = []

@@ -13,6 +13,7 @@ from ...core.metrics import Metrics
 from ...core.signals import Signal
 from ...core.simulation import Outcome
 from ...core.task import Task
+from ...core.trajectory import SECONDS_PER_HOUR
 from .structured import StructuredFeedback
 
 FOLDER = "overlays"
@@ -67,7 +68,7 @@ def draw_overlay(task: Task, outcome: Outcome, path: Path) -> None:
     figure = Figure(figsize=(5.2 * min(count, 3), 2.3 * len(signals)), dpi=80, layout="constrained")
     axes = figure.subplots(len(signals), min(count, 3), sharex="col", squeeze=False)
     longest = max(experiment.target.duration for experiment in task.experiments)
-    scale, unit = (3600.0, "h") if longest > _HOURS_BEYOND_S else (1.0, "s")
+    scale, unit = (SECONDS_PER_HOUR, "h") if longest > _HOURS_BEYOND_S else (1.0, "s")
     for column, (experiment, run) in enumerate(zip(task.experiments[:3], outcome.runs, strict=False)):
         for record, (colour, label) in zip((experiment.target, run.trajectory), _CURVES, strict=True):
             if record is None:
