@@ -16,6 +16,7 @@ from ....core.discovery.simulator import MeasuredRecord
 from ....core.task import CellModel
 from ....core.thinning import evenly
 from ....core.trajectory import FloatArray
+from ..modelling.compiled_cell import Start
 from ..modelling.resolution import Resolution
 from ..solving.driven_cell import FINE, SEARCH, DrivenCell
 
@@ -68,11 +69,12 @@ def radial_mesh(
     kept = evenly(len(hardest.record.time), _SAMPLES)
     times, current = after_jumps(hardest.record)[kept], hardest.record.current[kept]
     start = (soc or {}).get(hardest.name, _UNKNOWN_SOC)
+    temperatures = Start(temperature_k=hardest.ambient_k, initial_temperature_k=hardest.initial_k)
 
     def voltage(points: int) -> FloatArray | None:
         """NaN where the cell was empty or overfull."""
         resolution = replace(SEARCH, radial_points=points)
-        driven = DrivenCell(cell, (), hardest.record, {}, hardest.ambient_k, resolution, initial_k=hardest.initial_k)
+        driven = DrivenCell(cell, (), hardest.record, {}, temperatures, resolution)
         curve = driven.solve({}, times, current, start)
         return None if curve is None else np.where(driven.within_limits(curve.voltage), curve.voltage, np.nan)
 

@@ -112,14 +112,12 @@ class DrivenCell:
         Supplies the current; cut into steps.
     targets : mapping of str to Target
         What a candidate sets of the base parameters, by the names that it uses.
-    temperature_k : float or None
-        Ambient temperature; None keeps the set's.
     start : Start, optional
-        Where the record begins, for `follow`; `solve` is told at each call.
+        The temperatures, and where the record begins for `follow`; left out, those of the parameter set.
     others : sequence of Trajectory
         Further records whose currents the compiled cell can follow; see `on_other`.
-    initial_k : float or None
-        Temperature of the cell at the start; None for the ambient one.
+    any_start : bool
+        Whether `solve` is told a state of charge at each call.
 
     Attributes
     ----------
@@ -133,27 +131,17 @@ class DrivenCell:
         effects: Sequence[Effect],
         record: Trajectory,
         targets: Mapping[str, Target],
-        temperature_k: float | None = None,
-        resolution: Resolution = SEARCH,
         start: Start | None = None,
+        resolution: Resolution = SEARCH,
         baked: CellChange | None = None,
         others: Sequence[Trajectory] = (),
-        initial_k: float | None = None,
+        any_start: bool = True,
     ) -> None:
         self._effects = tuple(effects)
         self._records = (record, *others)
         self._drives = [current_function(one) for one in self._records]
         joined, self._delays = one_after_another(self._drives)
-        self._cell = CompiledCell(
-            cell,
-            targets,
-            start or Start(temperature_k=temperature_k, initial_temperature_k=initial_k),
-            resolution,
-            baked,
-            effects,
-            joined,
-            any_start=start is None,
-        )
+        self._cell = CompiledCell(cell, targets, start or Start(), resolution, baked, effects, joined, any_start)
         self._drive_by(0)
         self.heats = self._cell.heats
         self._model = self._cell.built_model()
