@@ -87,9 +87,10 @@ class CurrentRateContinuation(Continuation):
         """See `Continuation.words`."""
         if self._rate == 0.0:
             return "Nothing runs at the task's own currents: lower ones first."
+        runs = f"The cell runs at {100 * self._rate:.3g} % of the currents"
         if self._direction is None:
-            return f"The cell runs at {100 * self._rate:.3g} % of the currents: what eases it there?"
-        return f"It runs at {100 * self._rate:.3g} % of the currents: back towards all of them, in a gentler cell."
+            return f"{runs}: looking for the parameters that let it run at more."
+        return f"{runs}: back towards all of them, with those parameters changed."
 
     def ask(self, limit: int) -> list[Candidate]:
         """See `Continuation.ask`."""
@@ -149,7 +150,7 @@ class CurrentRateContinuation(Continuation):
         self._rounds += 1
         whole = [trial for trial in trials if trial.reduction is None and trial.residuals is not None]
         if whole:
-            # The first of two lies nearer the start, and so nearer the record as far as anybody knows.
+            # The first of two lies nearer the start, and so nearer the record as far as is known.
             self.found, self.over = whole[0], True
             return
         runs = not trials[0].failed

@@ -219,7 +219,7 @@ class Descent:
             assert self._feasibility is not None
             return self._feasibility.ask()[:limit]
         self._search.plan()
-        if self._crawls() and self._may_restart(limit):
+        if self._is_stuck() and self._may_restart(limit):
             self._left_crawling = self._search
             return self._begin_again(planning_budget)
         points = [] if self._is_too_slow() else self._search.ask(planning_budget)
@@ -324,7 +324,7 @@ class Descent:
             return False
         return rms(search.residual) > self._suspicious and search.round_gain < _TOO_SLOW
 
-    def _crawls(self) -> bool:
+    def _is_stuck(self) -> bool:
         search = self._search
         if not _comes_to_another_jacobian(search) or self._polled:
             return False

@@ -32,7 +32,7 @@ misfit of a start says how wrong the start is, and priors that are weighed again
 
 SETTINGS = Settings(radius=2.0, noise=1.0, tolerance=5e-3, emulates=True)
 """Coordinates are in standard deviations of the priors, residuals in standard deviations of the misfit: beyond two of
-the former a linear picture of a cell is a guess, and a gain of one of the latter says nothing."""
+the former a linear model is inaccurate, and a gain of one of the latter says nothing."""
 
 _SHARE_OF_RANGE = 0.007
 """Finite difference of a parameter that has no deviation, as a share of its range."""

@@ -1,4 +1,4 @@
-"""The names and bytes of a file that nobody vouches for."""
+"""The names and bytes of a file from outside the program."""
 
 import gzip
 import logging

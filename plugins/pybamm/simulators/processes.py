@@ -243,7 +243,7 @@ class Pool(Generic[Job, Answer]):
                 yield worker, worker.give_up()[0]
 
     def close(self) -> None:
-        """End all processes, whoever waits for them."""
+        """End all processes, also while other threads wait for them."""
         self._closed = True
         for worker in self.workers:
             worker.stop()

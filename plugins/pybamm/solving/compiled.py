@@ -40,7 +40,7 @@ class CompiledExperiment:
         refuse_current_effects(cell)
         self.cell = CompiledCell(cell, targets, start_of(experiment), resolution, baked, effects)
         self.steps = drive.steps_of_protocol(experiment.protocol)
-        # A near-singular candidate can spin for minutes: a sound solve advances faster than this even
+        # A near-singular candidate can take minutes without progress: a sound solve advances faster than this even
         # while it settles after a jump of the current.
         options = {"max_num_steps": 20_000, "num_steps_no_progress": 200, "t_no_progress": 1e-2}
         self.simulation = self.cell.simulation(

@@ -145,7 +145,7 @@ class DrivenCell:
         self._drive_by(0)
         self.heats = self._cell.heats
         self._model = self._cell.built_model()
-        # A near-singular candidate can spin for minutes and fill the memory with its steps: one that crawls has failed.
+        # A near-singular candidate can take minutes without progress and fill the memory with its steps: it has failed.
         options: dict[str, Any] = {
             "max_num_steps": 30_000,
             "num_steps_no_progress": 400,
