@@ -71,11 +71,6 @@ def misfits(task: Task, outcome: Outcome) -> list[StepMisfit]:
     return found
 
 
-def rms(residual: FloatArray | None) -> float:
-    """Root mean square; infinite for none."""
-    return float("inf") if residual is None else float(np.sqrt(np.mean(np.square(residual))))
-
-
 def residuals(task: Task, outcome: Outcome) -> FloatArray | None:
     """Step-aligned residuals of all experiments, one after the other.
 

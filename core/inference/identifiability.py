@@ -22,6 +22,7 @@ from scipy.stats import t as student
 from ..bounded_step import bounded_step
 from ..normal import NORMAL_95
 from ..parameters import Candidate, ParameterSpace
+from ..rms import rms
 from ..trajectory import FloatArray
 
 Verdict = Literal["fixed", "loose", "open"]
@@ -134,8 +135,7 @@ def neighbour_correlation(residual: FloatArray) -> float:
 
 def is_structured(residual: FloatArray) -> bool:
     """Whether residuals, in tolerances and in the order of time, show a model that is wrong rather than noise."""
-    size = float(np.sqrt(np.mean(residual**2)))
-    return size > _BEYOND_NOISE and neighbour_correlation(residual) > _FOLLOWS_THE_CURVE
+    return rms(residual) > _BEYOND_NOISE and neighbour_correlation(residual) > _FOLLOWS_THE_CURVE
 
 
 def effective_noise(residual: FloatArray, parameters: int, floor: float) -> float:

@@ -13,8 +13,9 @@ import numpy as np
 
 from ..ageing.fade_band import FadeBand
 from ..ageing.residuals import CAPACITY_TOLERANCE, compared_cycles
-from ..comparison.residuals import capacity_rows, residuals, rms
+from ..comparison.residuals import capacity_rows, residuals
 from ..prior import Prior
+from ..rms import rms
 from ..shape import shaped
 from ..task import Task
 from ..trajectory import FloatArray

@@ -6,12 +6,13 @@ from typing import Literal, TypeGuard
 import numpy as np
 from pydantic import BaseModel, Field
 
-from ...core.comparison.residuals import noise_of_residuals, rms
+from ...core.comparison.residuals import noise_of_residuals
 from ...core.hooks import LowFidelityResiduals
 from ...core.inference.fit_settings import Settings
 from ...core.inference.least_squares import LeastSquares
 from ...core.inference.low_fidelity import LowFidelity
 from ...core.parameters import Candidate
+from ...core.rms import rms
 from ...core.run.answer import CLEARLY_ABOVE
 from ...core.task import Task
 from ...core.trajectory import FloatArray

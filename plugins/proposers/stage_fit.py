@@ -16,6 +16,7 @@ from ...core.inference.identifiability import residual_noise
 from ...core.inference.least_squares import LeastSquares
 from ...core.inference.low_fidelity import LowFidelity
 from ...core.parameters import Candidate
+from ...core.rms import rms
 from ...core.task import Task
 from ...core.task_reduction import TaskReduction
 from ...core.trajectory import FloatArray
@@ -131,7 +132,7 @@ class Stage(ABC):
         """What the fit knows of itself, for the journal."""
         seen = self._seen(self._here)
         assert seen is not None
-        return {"misfit_tolerances": float(np.sqrt(np.mean(seen**2))), "noise_tolerances": self._noise}
+        return {"misfit_tolerances": rms(seen), "noise_tolerances": self._noise}
 
     def describe(self) -> str:
         """What is fitted to what, in a sentence."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from ....core.discovery.observations import after_jumps
 from ....core.discovery.simulator import MeasuredRecord
+from ....core.rms import rms
 from ....core.task import CellModel
 from ....core.thinning import evenly
 from ....core.trajectory import FloatArray
@@ -85,7 +86,7 @@ def radial_mesh(
         if coarse is None or fine is None:
             break
         both = np.isfinite(coarse) & np.isfinite(fine)
-        shifts.append(float(np.sqrt(np.mean((fine - coarse)[both] ** 2))) if both.any() else np.inf)
+        shifts.append(rms((fine - coarse)[both]) if both.any() else np.inf)
         if shifts[-1] < _SHIFT_V:
             break
         chosen, coarse = finer, fine
