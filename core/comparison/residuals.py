@@ -19,7 +19,10 @@ from .robust_loss import robust
 from .step_parts import OSCILLATING, StepParts, count_of_parts, step_parts
 
 DURATION_TOLERANCE = 1e-3
+"""Tolerance of a step's duration, as a share of it."""
+
 DURATION = "duration"
+"""What the misfit of durations is called beside those of signals."""
 
 POINTS = 16
 """Points of a signal in a step under a protocol."""

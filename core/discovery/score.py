@@ -6,7 +6,7 @@ import numpy as np
 
 from ..bounded_step import bounded_step
 from ..trajectory import FloatArray
-from .refit import Refit
+from .refit import NO_PRIOR, Refit
 
 _REACH = 3.0
 """Standard deviations of the priors by which base parameters may move in a linear prediction."""
@@ -38,7 +38,7 @@ def score_effect(fit: Refit, sensitivity: FloatArray, bounds: tuple[float, float
         Those of the strength, in probes with the null at 0.
     """
     residual, jacobian, prior_weights = fit.residual, fit.jacobian, fit.space.prior_weights
-    normal = jacobian.T @ jacobian + np.diag(prior_weights**2 + 1e-9)
+    normal = jacobian.T @ jacobian + np.diag(prior_weights**2 + NO_PRIOR)
     projected = sensitivity - jacobian @ np.linalg.solve(normal, jacobian.T @ sensitivity)
     free = residual - jacobian @ np.linalg.solve(normal, jacobian.T @ residual + prior_weights**2 * fit.u)
     size = float(projected @ projected)

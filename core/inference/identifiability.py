@@ -38,8 +38,13 @@ DRAWS_KEPT, DRAWS_OF_A_LIFE = 20, 8
 minutes, to a quarter."""
 
 _CORRELATED = 0.9
+"""Correlation of two estimates above which their parameters stand in one group."""
+
 _NAMED_WEIGHT = 0.2
+"""Weight in a combination, whose length is 1, from which a parameter is named in it."""
+
 _CONFIDENCE = 0.95
+"""Probability of an interval."""
 
 _BEYOND_NOISE, _FOLLOWS_THE_CURVE = 3.0, 0.5
 """Root mean square, in tolerances, and correlation of neighbours, above which residuals are no instrument's noise."""

@@ -20,8 +20,10 @@ _ALONG = 0.02
 """Step along an undetermined direction: longer than a finite difference, since the residuals change little along it."""
 
 _MOST_DIRECTIONS = 6
+"""Undetermined directions along which protocols are simulated at most, the least known first."""
 
 _FULL = 1.0
+"""State of charge at which a suggested protocol begins."""
 
 
 @dataclass(frozen=True)

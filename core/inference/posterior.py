@@ -32,6 +32,7 @@ _WALKERS = 6
 """Walkers for each parameter; the sampler needs twice the parameters at least."""
 
 _FEWEST = 20
+"""Walkers at least, however few the parameters are."""
 
 MOVES, _BURNT, _KEPT_EVERY = 2400, 0.25, 12
 """Moves of every walker, the share of them not counted, and how many lie between two that are kept: about one time of

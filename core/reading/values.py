@@ -12,6 +12,7 @@ MISSING_SHARE = 0.01
 """Rows without a value are left out up to this share of the record, or `MISSING_ROWS`; beyond, the file is refused."""
 
 MISSING_ROWS = 3
+"""Rows that may be left out of a short record, of which `MISSING_SHARE` would be less."""
 
 VOLTAGE_RANGE_V = (-0.01, 6.0)
 """What a single cell can show, in V. One that is drawn to 0 V shows a little less if its instrument is off."""
@@ -20,6 +21,7 @@ GLITCH_V = 0.4
 """A lone sample this far from both neighbours, which agree and carry the same current, is a glitch, in V."""
 
 MAX_CURRENT_A = 2000.0
+"""A record with one sample in twenty above this is taken for one in mA, in A."""
 
 
 def without_missing(samples: Samples) -> Samples:

@@ -19,11 +19,16 @@ FREE: tuple[Kind, ...] = ("predict", "look")
 """Actions that are answered at once and cost no simulation."""
 
 MOST_AT_ONCE = 3
-_MOST_SIMULATIONS = 40
-_DEFAULT_SIMULATIONS = 5
+"""Sets of changes that are simulated at once, at most."""
+
+_MOST_SIMULATIONS, _DEFAULT_SIMULATIONS = 40, 5
+"""Simulations that an action may ask for at most, and those of one that does not say how many."""
+
 _LOWEST_RATE_PERCENT = 10
+"""Lowest share of the currents from which "reduce" comes back, %."""
 
 _HYPOTHESIS, _RATIONALE = 300, 500
+"""Characters of these texts, at most."""
 
 _NEEDS: dict[Kind, tuple[str, ...]] = {
     "set": ("updated_params",),

@@ -27,7 +27,11 @@ _DIFFERENCE = 0.05
 """Finite-difference step for the gentle direction, in units of the box: its length does not matter."""
 
 _STRIDE = 0.15
+"""Step along the gentle direction, in units of the box."""
+
 _MOST_ROUNDS = 6
+"""Steps along it after which a way back to the whole task is given up."""
+
 _FIT_BEYOND_JACOBIAN = 8
 """Simulations that a fit of the first cycles may take beyond its start and a Jacobian."""
 
@@ -35,6 +39,7 @@ _ONSET = 0.2
 """First part of a step, over which polarisation is measured: later the state of charge decides the voltage."""
 
 _ONSET_POINTS = 20
+"""Times in that part at which the voltage is averaged."""
 
 
 class Continuation(ABC):

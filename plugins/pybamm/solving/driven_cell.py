@@ -27,6 +27,9 @@ from .output_times import output_times
 _NEVER = (1e12, 1e12)
 """A pause that never comes, s."""
 
+MAX_STEPS = 30_000
+"""Steps after which the integrator gives up."""
+
 _T_NO_PROGRESS_S = 10.0
 """A solve that advances less than this in 400 steps has failed, s."""
 
@@ -147,7 +150,7 @@ class DrivenCell:
         self._model = self._cell.built_model()
         # A near-singular candidate can take minutes without progress and fill the memory with its steps: it has failed.
         options: dict[str, Any] = {
-            "max_num_steps": 30_000,
+            "max_num_steps": MAX_STEPS,
             "num_steps_no_progress": 400,
             "t_no_progress": _T_NO_PROGRESS_S,
             # Potentials follow the current at once: their error test would cut the steps behind every jump to a
