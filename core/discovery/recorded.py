@@ -33,7 +33,7 @@ class RecordedSimulator(Generic[AnyRequest, Given]):
         earlier: Iterable[Mapping[str, Any]] = (),
         counted: Callable[[int], None] = lambda count: None,
     ) -> None:
-        self._inner = inner
+        self._inner: Answering[AnyRequest, Given] = inner
         self._counted = counted
         self._answer = answer
         self._journal = journal

@@ -158,7 +158,8 @@ def differences(situation: Situation, parameters: tuple[str, ...], limit: int) -
     base = situation.base.candidate
     chosen = [one for one in situation.task.space if not parameters or one.name in parameters]
     moved = {one.name: one.a_step_aside(base[one.name], _DIFFERENCE) for one in chosen}
-    return [{**base, name: value} for name, value in moved.items() if value != base[name]][:limit]
+    found: list[Candidate] = [{**base, name: value} for name, value in moved.items() if value != base[name]]
+    return found[:limit]
 
 
 def _proposal(answer: Answer[Action], free: list[str], situation: Situation) -> Proposal:

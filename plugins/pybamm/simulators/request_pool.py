@@ -90,7 +90,7 @@ class RequestPool(Generic[AnyRequest, Given]):
         """The request as it is sent."""
         # Whether records can show an effect was asked before; the function that says so need not be sent.
         effects = tuple(replace(effect, lacks=None) for effect in request.effects)
-        return replace(request, effects=effects)  # type: ignore[type-var]
+        return replace(request, effects=effects)
 
     def close(self) -> None:
         """End all processes."""
