@@ -169,10 +169,11 @@ def _taken_off(measured: Observations, left: Observations, references: Sequence[
     known_mv = 1e3 * float(np.sqrt(np.mean((measured.voltage - left.voltage) ** 2)))
     unsure_mv = 1e3 * float(np.sqrt(np.mean(np.sum(left.systematic**2, axis=1))))
     differ = ", and how far the references differ" if len(references) > 1 else ""
+    known = " and ".join(one.name for one in references)
     return (
-        f"{measured.name}: what the base model lacks of {' and '.join(one.name for one in references)}, {known_mv:.2g} mV "
-        f"(rms of averages), is taken off the voltage: what has changed since is to be explained. {unsure_mv:.2g} mV of "
-        f"it are uncertain: a quarter{differ}."
+        f"{measured.name}: what the base model lacks of {known}, {known_mv:.2g} mV (rms of averages), is taken off the "
+        "voltage: what has changed since is to be explained. "
+        f"{unsure_mv:.2g} mV of it are uncertain: a quarter{differ}."
     )
 
 

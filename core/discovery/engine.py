@@ -19,6 +19,7 @@ from .nomination import most_simulations, nominate, nominate_second, screen
 from .problem import Problem
 from .progress import Progress
 from .rules import RULES, bic_difference, ranked
+from .score import overlap
 
 _SECOND_EFFECTS = 4
 """Second effects that get a short fit beside a first one."""
@@ -183,7 +184,35 @@ class Engine:
             labels = {explanation.label for explanation in found}
             more = [n for n in nominations if n.effect.key not in labels]
             found = ranked([*found, *self._race(known.base, more, fitter.problem)])
-        return self.finish(known.base, found, chosen)
+        alike = self._screen_alike(known, found, misfit_v)
+        found = ranked([*found, *self._race(known.base, alike, fitter.problem)])
+        return self.finish(known.base, found, [*chosen, *alike])
+
+    def _screen_alike(self, known: Shortlist, found: Sequence[Explanation], scored_with_v: float) -> list[Nomination]:
+        """Give short fits to effects without one whose sensitivities are nearly collinear with that of the best one.
+
+        Where the score is wrong about the sign, as it can be for all effects that change the time at which a cell is
+        empty, it passes over those that are bounded to the other sign, and one of them may be what is missing. An
+        effect is taken if what it leaves of the best one's gain would not decide between the two. ``scored_with_v`` is
+        the misfit that the scores were taken with, V.
+        """
+        best = next((n for n in known.nominations if found and (n.effect,) == found[0].effects), None)
+        gain = bic_difference(known.base, found[0]) if best is not None else 0.0
+        if best is None or best.sensitivity is None or gain <= RULES.clear_bic:
+            return []
+        share = 1.0 - RULES.clear_bic / gain
+        alike = [
+            n
+            for n in known.nominations
+            if n.screened is None
+            and n.sensitivity is not None
+            and overlap(known.refitted.fit, best.sensitivity, n.sensitivity) > share
+        ]
+        near, reached_v = known.early_fitter.problem, known.early_fitter.problem.misfit_v
+        near.misfit_v = scored_with_v
+        self._screen(known.early_fitter, known.refitted, alike, either_sign=True)
+        near.misfit_v = reached_v
+        return alike
 
     def _screen(
         self,

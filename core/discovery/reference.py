@@ -33,18 +33,31 @@ def without_known(
     a second one. ``candidate`` are the values of the base model that all are compared at; of each reference the initial
     state of charge is fitted. Raises `BsaError` if a reference is of another test, or cannot be simulated.
     """
+    found = lacking(simulator, observations, references, candidate)
+    count = len(observations)
+    return [less(observed, found[place::count]) for place, observed in enumerate(observations)]
+
+
+def lacking(
+    simulator: Simulator,
+    observations: Sequence[Observations],
+    references: Sequence[Observations],
+    candidate: dict[str, float],
+) -> list[tuple[Observations, FloatArray]]:
+    """What the base model lacks of each reference, V, whose initial state of charge is fitted.
+
+    Raises `BsaError` if one cannot be simulated.
+    """
     found = Problem(simulator, observations, references).held_out((), candidate)
     if found is None:
         raise BsaError(
             "the base model cannot follow the current of a reference.",
             "leave --reference out, or begin with a run that fitted this cell.",
         )
-    lacking = found[len(found) - len(references) :]
-    count = len(observations)
-    return [_less(observed, lacking[place::count]) for place, observed in enumerate(observations)]
+    return found[len(found) - len(references) :]
 
 
-def _less(observed: Observations, lacking: Sequence[tuple[Observations, FloatArray]]) -> Observations:
+def less(observed: Observations, lacking: Sequence[tuple[Observations, FloatArray]]) -> Observations:
     """One record's averages less what the model lacks of its references, V, on average."""
     each = np.array([_at_places_of(observed, reference, error) for reference, error in lacking])
     known, count = np.mean(each, axis=0), len(each)

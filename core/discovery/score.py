@@ -38,9 +38,8 @@ def score_effect(fit: Refit, sensitivity: FloatArray, bounds: tuple[float, float
         Those of the strength, in probes with the null at 0.
     """
     residual, jacobian, prior_weights = fit.residual, fit.jacobian, fit.space.prior_weights
-    normal = jacobian.T @ jacobian + np.diag(prior_weights**2 + NO_PRIOR)
-    projected = sensitivity - jacobian @ np.linalg.solve(normal, jacobian.T @ sensitivity)
-    free = residual - jacobian @ np.linalg.solve(normal, jacobian.T @ residual + prior_weights**2 * fit.u)
+    projected = _projected(fit, sensitivity)
+    free = residual - jacobian @ np.linalg.solve(_normal(fit), jacobian.T @ residual + prior_weights**2 * fit.u)
     size = float(projected @ projected)
     if float(sensitivity @ sensitivity) < 1e-6 or size < 1e-9:
         return Score(0.0, 0.0, 0.0)
@@ -58,12 +57,32 @@ def score_effect(fit: Refit, sensitivity: FloatArray, bounds: tuple[float, float
     return Score(float(np.clip(step[-1], *bounds)), wanted * np.sqrt(size), max(gain - without, 0.0))
 
 
+def overlap(fit: Refit, one: FloatArray, other: FloatArray) -> float:
+    """Share of what one sensitivity explains that another one explains too, beside the parameters of a fit.
+
+    It is the squared cosine of the angle between the projected sensitivities, see `score_effect`.
+    """
+    one, other = _projected(fit, one), _projected(fit, other)
+    size = float(one @ one) * float(other @ other)
+    return float(one @ other) ** 2 / size if size > 0.0 else 0.0
+
+
 def trusted_step(fit: Refit, residual: FloatArray) -> tuple[FloatArray, float]:
     """The step from where a fit ended that lowers a residual most, and the fall in cost, by the fit's own Jacobian.
 
     The linear model is trusted as far as `_REACH` in each coordinate.
     """
     return _bounded(fit.jacobian, residual, fit.space.prior_weights, fit.u, *_room(fit))
+
+
+def _normal(fit: Refit) -> FloatArray:
+    return np.asarray(fit.jacobian.T @ fit.jacobian + np.diag(fit.space.prior_weights**2 + NO_PRIOR))
+
+
+def _projected(fit: Refit, sensitivity: FloatArray) -> FloatArray:
+    """A sensitivity without what the fitted parameters imitate."""
+    jacobian = fit.jacobian
+    return np.asarray(sensitivity - jacobian @ np.linalg.solve(_normal(fit), jacobian.T @ sensitivity))
 
 
 def _room(fit: Refit) -> tuple[FloatArray, FloatArray]:

@@ -42,6 +42,7 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "discovery-blind": discovery.blind_cases,
     "discovery-blind-cases": discovery.each_blind_case,
     "discovery-hidden": discovery.hidden_in_measured,
+    "discovery-repeats": discovery.repeated_tests,
     "discovery": discovery.earlier_cases,
     "discovery-cases": discovery.each_earlier_case,
     "discovery-time": discovery.time_taken,

@@ -2,6 +2,7 @@
 
 from bsa.experiments.campaign.text_tables import Entry, brief, table_of
 from bsa.experiments.discovery_bench.grading import Graded, graded_of
+from bsa.experiments.discovery_bench.repeats import Repeat, repeats_table
 from bsa.experiments.discovery_bench.sensitivity import sensitivity_table
 from bsa.experiments.discovery_bench.shortlists import shortlist_table
 from bsa.experiments.discovery_bench.tables import as_markdown, case_table
@@ -59,6 +60,15 @@ def hidden_in_measured(results: Results) -> str:
     parts = [(words, [case for _, beside, case in told if bool(beside) is there]) for words, there in _WAYS]
     summary = "\n".join(f"{words}:\n\n{as_markdown(some)}" for words, some in parts)
     return results.framed(MEASURED, f"{summary}\n{table_of(cases, columns, 8)}")
+
+
+def repeated_tests(results: Results) -> str:
+    """How far tests of a cell are from those before them."""
+    by_cell: dict[str, list[Repeat]] = {}
+    for row in results.rows("discovery_repeats"):
+        by_cell.setdefault(row.pop("cell"), []).append(Repeat(**row))
+    tables = [f"{cell}:\n\n{repeats_table(rows)}" for cell, rows in by_cell.items()]
+    return results.framed("discovery_repeats", "\n\n".join(tables))
 
 
 def earlier_cases(results: Results) -> str:

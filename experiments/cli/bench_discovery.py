@@ -100,6 +100,44 @@ def hide_command(
     make_cases(folder, hidden_in(records[: len(data)], records[len(data) :], base), count, seed, print)
 
 
+@discovery_app.command("repeats", cls=RecordsCommand)
+@with_options(shared.Reading)
+def repeats_command(
+    data: Annotated[
+        list[Path],
+        shared.records_option(
+            "--data", metavar="FILE...", help="Records of one test of one cell, in the order of their dates."
+        ),
+    ],
+    parameters: Annotated[
+        str,
+        shared.model_option(
+            metavar="NAME|FILE|RUN",
+            help="Parameters to start from; best a run that fitted this cell.",
+            autocompletion=completion.parameter_sets,
+        ),
+    ],
+    *,
+    reading: shared.Reading,
+    model: shared.Model = "DFN",
+    out: Annotated[Path, shared.output_option(metavar="FILE", help="Rows, one for each record.")] = Path("repeats.csv"),
+) -> None:
+    """How well the tests of a cell repeat, which tells what a discovery beside references could see."""
+    from dataclasses import asdict
+
+    from ...core.files import write_csv
+    from ...core.validation import validated
+    from ..discovery_bench.repeats import repeats, repeats_table
+    from ..discovery_case import DiscoverOptions, reference_files, usual_search
+
+    files = reference_files(data, reading.readings())
+    search = usual_search(parameters, files)
+    asked = {"data": files, "parameters": parameters, "model": model, "search": search, "out": out.parent}
+    rows = repeats(validated(DiscoverOptions, asked, "discovery"))
+    print(repeats_table(rows))
+    write_csv(out, [asdict(row) for row in rows])
+
+
 @discovery_app.command("run")
 @with_options(Executors, workers=2)
 @with_options(shared.LanguageModel)

@@ -3,7 +3,7 @@ import pytest
 from bsa.core.discovery.adequacy import FALSE_ALARM, judge
 from bsa.core.discovery.observations import freedom_of_deviations, observe, voltage_noise
 from bsa.core.discovery.refit import Refit, refit, slopes_at
-from bsa.core.discovery.score import score_effect
+from bsa.core.discovery.score import overlap, score_effect
 from bsa.core.discovery.simulator import MeasuredRecord
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.trajectory import Step, StepKind, Trajectory
@@ -174,6 +174,16 @@ def test_what_parameters_imitate_has_no_score(seed):
     fit = Refit(space(3), np.zeros(3), rng.normal(size=80), jacobian, True)
     score = far_reaching(fit, mark, (0.0, 10.0))
     assert abs(score.z) < 1e-2 or score.gain < 1e-3
+
+
+def test_the_overlap_of_two_sensitivities_is_that_behind_the_parameters():
+    rng = np.random.default_rng(3)
+    jacobian, one, other = rng.normal(size=(200, 3)), *rng.normal(size=(2, 200))
+    fit = Refit(space(3), np.zeros(3), rng.normal(size=200), jacobian, True)
+    assert overlap(fit, one, -2.0 * one + 50.0 * jacobian[:, 0]) == pytest.approx(1.0, abs=1e-2)
+    assert overlap(fit, one, other) < 0.1
+    assert overlap(fit, one, jacobian[:, 0]) < 0.1
+    assert overlap(fit, one, np.zeros(200)) == 0.0
 
 
 def test_a_fit_converges_inside_bounds():

@@ -9,6 +9,7 @@ from bsa.core.discovery.findings import Gap, Nomination, Settings
 from bsa.core.discovery.fitting import Fitter
 from bsa.core.discovery.nomination import nominate, screen
 from bsa.core.discovery.rules import RULES, bic_difference
+from bsa.core.discovery.score import Score
 from bsa.core.discovery.simulator import Prediction
 
 CATALOGUE = (toy.QUADRATIC, toy.HYSTERESIS, toy.SLOW)
@@ -54,6 +55,25 @@ def test_an_effect_that_lagged_in_its_short_fit_is_a_rival_of_what_leaves_noise_
     findings = run({"quadratic": 0.01}, catalogue=(*CATALOGUE, twin, toy.effect("alike")))
     assert findings.verdict == "ambiguous"
     assert findings.best.adequacy.adequate
+    assert {findings.best.label, *(rival.label for rival in findings.rivals)} == {toy.QUADRATIC.key, twin.key}
+
+
+@pytest.mark.slow
+def test_an_effect_that_its_score_passed_over_is_a_rival_if_its_sensitivity_is_that_of_the_best_one(monkeypatch):
+    """An offset of the current was named for a leak of the same charge, whose score promised nothing."""
+    twin, marks = toy.effect("twin"), toy.marks
+    monkeypatch.setattr(toy, "marks", lambda *of: (known := marks(*of)) | {"twin": known["quadratic"]})
+
+    def misled(*of):
+        found = nominate(*of)
+        for nomination in found:
+            if nomination.effect is twin:
+                nomination.score = Score(0.0, -1.0, 0.0)
+        return found
+
+    monkeypatch.setattr("bsa.core.discovery.engine.nominate", misled)
+    findings = run({"quadratic": 0.01}, catalogue=(*CATALOGUE, twin))
+    assert findings.verdict == "ambiguous"
     assert {findings.best.label, *(rival.label for rival in findings.rivals)} == {toy.QUADRATIC.key, twin.key}
 
 

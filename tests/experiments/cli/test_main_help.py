@@ -60,5 +60,5 @@ def test_the_help_of_a_run_names_every_preset_and_the_nearest_set() -> None:
 
 def test_the_blind_cases_have_a_command_for_each_step() -> None:
     assert {name for name in COMMANDS if name.startswith("bench discovery")} == {
-        f"bench discovery {step}" for step in ("make", "hide", "run", "score", "sensitivity", "shortlist")
+        f"bench discovery {step}" for step in ("make", "hide", "repeats", "run", "score", "sensitivity", "shortlist")
     }

@@ -1,0 +1,66 @@
+"""How well the tests of a cell repeat: records in which nothing has changed, beside the ones before."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...core.comparison.residuals import rms
+from ...core.discovery.reference import lacking, less
+from ..campaign.text_tables import table_of
+from ..discovery_case import DiscoverOptions, read_case
+from ..discovery_setup import set_up
+
+MOST = 4
+"""References of a record at most."""
+
+
+@dataclass(frozen=True)
+class Repeat:
+    """A record beside those before it."""
+
+    record: str
+    references: int  # How many of those before it.
+    known_mv: float  # What the base model lacks of the record, rms, mV.
+    left_mv: float  # The same less what it lacks of the references, rms, mV.
+    ratio: float  # That over what is taken to be uncertain, average by average, rms.
+
+
+def repeats(options: DiscoverOptions) -> list[Repeat]:
+    """Each record beside one to four before it; the options are those of a discovery on these records in their order.
+
+    Raises `BsaError` if the records are not of one test, or cannot be simulated.
+    """
+    setup = set_up(read_case(options), options)
+    seen = setup.problem.observations
+    found = lacking(setup.simulator, seen[:1], seen, setup.space.at(np.zeros(len(setup.space))))
+    rows = []
+    for references in range(1, MOST + 1):
+        for place in range(references, len(found)):
+            observed, error = found[place]
+            left = less(replace(observed, voltage=error), found[place - references : place])
+            ratio = rms(left.voltage / left.sigma)
+            rows.append(Repeat(observed.name, references, 1e3 * rms(error), 1e3 * rms(left.voltage), ratio))
+    return rows
+
+
+def repeats_table(rows: Sequence[Repeat]) -> str:
+    """Markdown: by the number of references, what is left, and over what is taken to be uncertain."""
+    summary = []
+    for references in sorted({row.references for row in rows}):
+        some = [row for row in rows if row.references == references]
+        ratios = np.percentile([row.ratio for row in some], [50, 90, 100])
+        left = float(np.median([row.left_mv for row in some]))
+        known = float(np.median([row.known_mv for row in some]))
+        summary.append((references, len(some), known, left, *ratios))
+    names = ("references", "records", "known", "left", "median", "ninth", "largest")
+    columns = {
+        "references": "{references:.0f}",
+        "records": "{records:.0f}",
+        "the model lacks / mV": "{known:.1f}",
+        "left / mV": "{left:.1f}",
+        "over the uncertain: median": "{median:.2f}",
+        "90 % of the records": "{ninth:.2f}",
+        "largest": "{largest:.2f}",
+    }
+    return table_of([dict(zip(names, row, strict=True)) for row in summary], columns, 0)
