@@ -110,7 +110,7 @@ class RunContext:
         How many simulations run side by side when a proposal holds several candidates.
     cycled : callable
         ``cycled(cycle, cycles)`` may be called while a long simulation goes on: it has come to this cycle of so many.
-        It is shown to whoever waits, and of no other consequence.
+        It is shown to the user, and of no other consequence.
     """
 
     task: Task

@@ -1,6 +1,6 @@
 """Which errors a task is judged by, and how they are called: one choice, made by the task's domain."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from .ageing import metrics as ageing
@@ -58,20 +58,22 @@ def objective_of(task: Task) -> Quantity:
 
 def headline_of(task: Task) -> tuple[Quantity, ...]:
     """The errors that are shown first."""
-    if not _by_paper(task):
-        return (MISFIT, *signal_errors(task))
-    return _with_those_of_a_life(paper.headline_of(task), task)
+    return _quantities(paper.headline_of, task)
 
 
 def errors_of(task: Task) -> tuple[Quantity, ...]:
     """All errors, for a table."""
-    return _with_those_of_a_life(paper.errors_of(task), task) if _by_paper(task) else (MISFIT, *signal_errors(task))
+    return _quantities(paper.errors_of, task)
 
 
 def told_of(task: Task) -> tuple[Quantity, ...]:
     """The errors that a proposer is told."""
-    return _with_those_of_a_life(paper.told_of(task), task) if _by_paper(task) else (MISFIT, *signal_errors(task))
+    return _quantities(paper.told_of, task)
 
 
-def _with_those_of_a_life(quantities: tuple[Quantity, ...], task: Task) -> tuple[Quantity, ...]:
-    return (*ageing.over_cycles(quantities, task), *ageing.of_tables(task)) if task.long else quantities
+def _quantities(of_paper: Callable[[Task], tuple[Quantity, ...]], task: Task) -> tuple[Quantity, ...]:
+    """The paper's errors, those of a life beside them; or where its own do not apply, those of the signals."""
+    if not _by_paper(task):
+        return (MISFIT, *signal_errors(task))
+    found = of_paper(task)
+    return (*ageing.over_cycles(found, task), *ageing.of_tables(task)) if task.long else found

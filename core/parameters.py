@@ -96,15 +96,30 @@ class Parameter:
 
     def in_steps(self, value: float) -> float:
         """How many typical steps ``value`` lies above the initial value."""
-        if self.scale == "log":
-            return math.log(value / self.initial) / math.log(1.1)
-        return (value - self.initial) / float(self.typical_step)
+        return self._above(value, self.initial) / self._step
 
     def at_steps(self, steps: float) -> float:
         """The inverse of `in_steps`; it may lie outside the bounds."""
-        if self.scale == "log":
-            return self.initial * math.exp(steps * math.log(1.1))
-        return self.initial + steps * float(self.typical_step)
+        return self._moved(self.initial, steps * self._step)
+
+    def a_step_aside(self, value: float, steps: float = 1.0) -> float:
+        """``value`` so many typical steps higher, or lower where there is more room; kept inside the bounds."""
+        here = self.in_steps(value)
+        rises = self.in_steps(self.upper) - here >= min(steps, here - self.in_steps(self.lower))
+        return self.project(self.at_steps(here + (steps if rises else -steps)))
+
+    @property
+    def _step(self) -> float:
+        """`typical_step` on the parameter's own scale."""
+        return math.log(1.1) if self.scale == "log" else float(self.typical_step)
+
+    def _above(self, value: float, base: float) -> float:
+        """How far ``value`` lies above ``base``, on the parameter's own scale."""
+        return math.log(value / base) if self.scale == "log" else value - base
+
+    def _moved(self, base: float, amount: float) -> float:
+        """The inverse of `_above`: the value that lies so far above ``base``."""
+        return base * math.exp(amount) if self.scale == "log" else base + amount
 
     def project(self, value: float) -> float:
         """The nearest value inside the bounds."""
@@ -112,9 +127,7 @@ class Parameter:
 
     def to_unit(self, value: float) -> float:
         """Where ``value`` lies between the bounds, 0 to 1, on this parameter's own scale."""
-        if self.scale == "log":
-            return math.log(value / self.lower) / math.log(self.upper / self.lower)
-        return (value - self.lower) / (self.upper - self.lower)
+        return self._above(value, self.lower) / self._above(self.upper, self.lower)
 
     def bound_at(self, value: float) -> str:
         """``"lower"`` or ``"upper"`` where ``value`` is within a thousandth of the range of it, else empty."""
@@ -124,9 +137,7 @@ class Parameter:
     @property
     def length(self) -> float:
         """The unit of `coordinate`, on the parameter's own scale."""
-        if self.deviation is not None:
-            return self.deviation
-        return math.log(self.upper / self.lower) if self.scale == "log" else self.upper - self.lower
+        return self._above(self.upper, self.lower) if self.deviation is None else self.deviation
 
     @property
     def origin(self) -> float:
@@ -135,23 +146,15 @@ class Parameter:
 
     def coordinate(self, value: float) -> float:
         """How many deviations ``value`` lies above the origin, on this parameter's own scale."""
-        if self.scale == "log":
-            return math.log(value / self.origin) / self.length
-        return (value - self.origin) / self.length
+        return self._above(value, self.origin) / self.length
 
     def at_coordinate(self, u: float) -> float:
         """The inverse of `coordinate`, kept inside the bounds."""
-        if self.scale == "log":
-            return self.project(self.origin * math.exp(u * self.length))
-        return self.project(self.origin + u * self.length)
+        return self.project(self._moved(self.origin, u * self.length))
 
     def from_unit(self, position: float) -> float:
         """The inverse of `to_unit`, kept inside the bounds against rounding."""
-        if self.scale == "log":
-            value = self.lower * math.exp(position * math.log(self.upper / self.lower))
-        else:
-            value = self.lower + position * (self.upper - self.lower)
-        return self.project(value)
+        return self.project(self._moved(self.lower, position * self._above(self.upper, self.lower)))
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Text for messages: what nobody vouches for made printable, and numbers and nouns put together."""
+"""Text for messages: what comes from outside the program made printable, and numbers and nouns put together."""
 
 import re
 from collections.abc import Iterable

@@ -9,7 +9,7 @@ from .errors import BsaError
 Cycle = tuple[str, ...]
 
 MOST_CYCLES = 100_000
-"""More cycles than any cell lives; a count beyond it is a slip of the pen."""
+"""More cycles than any cell lives; a larger count is a typing error."""
 
 _WRITTEN_OUT = 2
 """So many equal cycles are written out, as they always were."""

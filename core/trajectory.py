@@ -217,8 +217,7 @@ class Trajectory:
     @property
     def discharge_capacity(self) -> FloatArray:
         """Charge drawn since the first sample in A.h, shape (n,); falls during charge."""
-        increments = 0.5 * (self.current[1:] + self.current[:-1]) * np.diff(self.time)
-        return np.concatenate([[0.0], np.cumsum(increments)]) / SECONDS_PER_HOUR
+        return np.concatenate([[0.0], np.cumsum(drawn_between(self.time, self.current))]) / SECONDS_PER_HOUR
 
     def is_same_measurement(self, other: Trajectory) -> bool:
         """Whether another record of a cell has the same samples of current and voltage, whatever is made of them."""
@@ -305,3 +304,8 @@ class Trajectory:
         """A copy of some of the samples, cut into these steps."""
         signals = {name: values[places] for name, values in self.signals.items()}
         return Trajectory(self.time[places], steps=steps, signals=signals, inserted=self.inserted[places])
+
+
+def drawn_between(time: FloatArray, current: FloatArray) -> FloatArray:
+    """Charge drawn between neighbouring samples, A.s, shape (n - 1,), if the current is linear in time between them."""
+    return 0.5 * (current[1:] + current[:-1]) * np.diff(time)

@@ -17,10 +17,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from .comparison.residuals import rms
 from .feedback import Feedback
 from .metrics import Metrics
 from .parameters import Candidate
+from .rms import rms
 from .simulation import SimulationFailure
 from .task_reduction import TaskReduction
 from .trajectory import FloatArray, Trajectory

@@ -1,4 +1,4 @@
-"""YAML that nobody vouches for: plain values, of bounded size and depth, and one line on what is wrong."""
+"""YAML from outside the program: plain values, of bounded size and depth, and one line on what is wrong."""
 
 from pathlib import Path
 from typing import Any

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from ..comparison.residuals import noise_of_residuals, rows_of
 from ..normal import robust_deviation
+from ..rms import rms
 from ..task import Task
 from ..trajectory import FloatArray, StepKind
 from .cycle_table import CycleTable
@@ -120,4 +121,4 @@ def _scatter(values: FloatArray) -> float:
 
 def of_cycles(values: FloatArray, chosen: NDArray[np.bool_]) -> float:
     """Root mean square of the residuals of some cycles; 0 for none."""
-    return float(np.sqrt(np.mean(values[chosen] ** 2))) if np.any(chosen) else 0.0
+    return rms(values[chosen]) if np.any(chosen) else 0.0

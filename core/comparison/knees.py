@@ -52,7 +52,7 @@ def _moved(task: Task, late: _Late) -> FloatArray:
 
 
 def _is_driven(experiment: Experiment) -> bool:
-    return experiment.protocol is None and not experiment.is_spectrum and not experiment.long
+    return experiment.protocol is None and not experiment.is_spectrum
 
 
 def _by_clock(record: Trajectory) -> FloatArray:

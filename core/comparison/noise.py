@@ -31,8 +31,8 @@ def noise_of(record: Trajectory, signal: FloatArray, order: int = 2) -> float | 
     """Standard deviation of a signal's measurement noise, in the signal's unit; None where too few samples tell it.
 
     Repeated differences of evenly spaced neighbours remove any smooth curve; their median absolute deviation is
-    blind to the few that straddle an event. For white noise of deviation s a difference of order k has the deviation
-    ``s sqrt(binomial(2k, k))``. Never below what the resolution of the instrument leaves (a step of q gives
+    not affected by the few that straddle an event. For white noise of deviation s a difference of order k has the
+    deviation ``s sqrt(binomial(2k, k))``. Never below what the resolution of the instrument leaves (a step of q gives
     ``q / sqrt(12)``).
 
     Parameters

@@ -10,6 +10,7 @@ from scipy.interpolate import PchipInterpolator
 
 from ..ageing.summary import discharged_ah
 from ..errors import BsaError
+from ..rms import rms
 from ..simulation import Outcome
 from ..task import Experiment, Task
 from ..trajectory import FloatArray, Trajectory
@@ -178,7 +179,7 @@ def curve_errors(simulated: Trajectory, target: Trajectory, signal: str) -> tupl
     ours, theirs = _resampled(simulated, signal), _resampled(target, signal)
     length = max(len(ours), len(theirs))
     ours, theirs = np.pad(ours, (0, length - len(ours))), np.pad(theirs, (0, length - len(theirs)))
-    return _mape(ours, theirs), float(np.sqrt(np.mean((ours - theirs) ** 2)))
+    return _mape(ours, theirs), rms(ours - theirs)
 
 
 def _resampled(record: Trajectory, signal: str) -> FloatArray:

@@ -19,7 +19,10 @@ from .robust_loss import robust
 from .step_parts import OSCILLATING, StepParts, count_of_parts, step_parts
 
 DURATION_TOLERANCE = 1e-3
+"""Tolerance of a step's duration, as a share of it."""
+
 DURATION = "duration"
+"""What the misfit of durations is called beside those of signals."""
 
 POINTS = 16
 """Points of a signal in a step under a protocol."""
@@ -69,11 +72,6 @@ def misfits(task: Task, outcome: Outcome) -> list[StepMisfit]:
             squares = {name: float(values @ values) for name, values in zip(names, split, strict=False)}
             found.append(StepMisfit(experiment, pair, squares))
     return found
-
-
-def rms(residual: FloatArray | None) -> float:
-    """Root mean square; infinite for none."""
-    return float("inf") if residual is None else float(np.sqrt(np.mean(np.square(residual))))
 
 
 def residuals(task: Task, outcome: Outcome) -> FloatArray | None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..rms import rms
 from ..signals import Signal
 from ..simulation import Outcome
 from ..task import Task
@@ -107,7 +108,7 @@ def evaluate_signals(task: Task, outcome: Outcome) -> SignalMetrics | None:
             error = overlap_rms(simulated, experiment.scored_target, signal.name, experiment.protocol is None)
             squares[quantity.key].append((signal.shown_scale * error) ** 2)
     rmse = {key: float(np.sqrt(np.mean(values))) for key, values in squares.items() if values}
-    return SignalMetrics(float(np.sqrt(np.mean(found**2))), rmse)
+    return SignalMetrics(rms(found), rmse)
 
 
 def signal_errors(task: Task) -> tuple[Quantity, ...]:

@@ -16,7 +16,7 @@ from ..feedback import Feedback
 from ..hooks import Recollection
 from ..messages import Reply, StructuredBy, Usage
 from ..parameters import Candidate, ParameterSpace
-from ..printable import counted, described, listed, shown
+from ..printable import counted, described, listed, shown, with_article
 from ..proposal import Proposal
 from ..simulation import ExperimentRun, Outcome, SimulationFailure
 from ..task import Experiment, Protocol
@@ -35,8 +35,7 @@ def instance(value: object, kind: type[T], what: str = "returned {}") -> T:
     if isinstance(value, kind) and not (kind is not bool and isinstance(value, bool)):
         return value
     found = "None" if value is None else f"{described(value)} ({type(value).__name__})"
-    article = "an" if kind.__name__[0].lower() in "aeiou" else "a"
-    raise Unfit(f"{what.format(found)}, not {article} {kind.__name__}")
+    raise Unfit(f"{what.format(found)}, not {with_article(kind.__name__)}")
 
 
 def _number(value: object, what: str) -> float:
@@ -74,6 +73,14 @@ def _texts(values: object, what: str) -> tuple[str, ...]:
     if isinstance(values, str) or not isinstance(values, Sequence):
         raise Unfit(f"gave {what} = {described(values)}, not a tuple of texts")
     return tuple(_text(value, f"one of the {what}") for value in values)
+
+
+def _periods(values: object, what: str) -> None:
+    if not isinstance(values, tuple) or not all(isinstance(value, tuple) and len(value) == 2 for value in values):
+        raise Unfit(f"gave {what} = {described(values)}, not a tuple of pairs", "give (from, to) in seconds for each.")
+    for value in values:
+        for time in value:
+            _number(time, f"a time of {what}")
 
 
 def outcomes(pairs: object, candidates: int, signals: Sequence[Sequence[str]]) -> Iterator[tuple[int, Outcome]]:
@@ -129,8 +136,10 @@ def _run(run: ExperimentRun, signals: Sequence[str]) -> None:
         for name in ("cause", "step", "limit"):
             _text(getattr(failure, name), f"SimulationFailure.{name}")
         instance(failure.cycle, int, "gave SimulationFailure.cycle = {}")
+        instance(failure.unfinished, bool, "gave SimulationFailure.unfinished = {}")
         _number(failure.reached_s, "SimulationFailure.reached_s")
     _texts(run.limits, "ExperimentRun.limits")
+    _periods(run.at_limit, "ExperimentRun.at_limit")
     if run.trajectory is None:
         if run.failure is None:
             raise Unfit("yielded a run with neither a trajectory nor a failure")
@@ -163,7 +172,7 @@ def proposal(product: object, space: ParameterSpace) -> Proposal:
     found = instance(product, Proposal)
     for name in ("hypothesis", "rationale", "action", "lost"):
         _text(getattr(found, name), f"Proposal.{name}")
-    for name in ("finished", "advancing"):
+    for name in ("finished", "advancing", "by_simulations"):
         instance(getattr(found, name), bool, f"gave Proposal.{name} = {{}}")
     for name in ("updates", "details"):
         _json(_mapping(getattr(found, name), f"Proposal.{name}"), f"Proposal.{name}")

@@ -115,7 +115,7 @@ class Registry:
             plugin = point.load()
         except KeyboardInterrupt:
             raise
-        except BaseException as error:  # whatever a stranger's module does when it is imported, SystemExit included
+        except BaseException as error:  # whatever an installed plugin does when imported, SystemExit too
             self._not_loaded.append(Unusable(point.name, f"cannot be imported: {_reason(error)}", origin))
             return
         self.register(plugin, point.name, origin)

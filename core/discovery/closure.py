@@ -11,7 +11,10 @@ from .observations import Observations
 _CONSTANT = "1"
 
 _RIDGE = 1e-3
+"""Ridge penalty on the coefficients of functions of unit spread, for each average that is fitted."""
+
 _MEMORY_S = 600.0
+"""Time over which the C-rate is smoothed, s."""
 
 _SAME = 1e-6
 """Spread of a function, as a share of its largest value, up to which it is constant but for rounding: it would share

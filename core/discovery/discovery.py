@@ -5,9 +5,8 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-import numpy as np
-
 from ..effect import Effect
+from ..numbers import json_ready
 from .explanation import Explanation
 from .findings import Findings, Nomination
 from .ranking import Ranking
@@ -113,7 +112,7 @@ class Discovery(ABC):
             "wall_s": self.wall_s,
             "notes": self.notes,
         }
-        cleaned: Json = finite(content)
+        cleaned: Json = json_ready(content)
         return cleaned
 
     @abstractmethod
@@ -180,21 +179,6 @@ class Discovery(ABC):
         return reason or "explains the data less well than the best, or needs more effects for the same"
 
 
-def finite(value: Any) -> Any:
-    """The same content with what JSON cannot say as None, and NumPy's numbers as Python's."""
-    if isinstance(value, dict):
-        return {str(key): finite(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite(entry) for entry in value]
-    if isinstance(value, (bool, np.bool_)):
-        return bool(value)
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    if isinstance(value, np.integer):
-        return int(value)
-    return value
-
-
 def before_and_after(gap: dict[str, float], before: str, after: str) -> dict[str, float | None]:
     """Two entries of a gap as one of `Discovery.errors`."""
-    return {"initial": finite(gap[before]), "best": finite(gap[after])}
+    return {"initial": json_ready(gap[before]), "best": json_ready(gap[after])}

@@ -28,7 +28,10 @@ _NOISE_FLOOR = 2.0**0.5
 """Standard deviation of a change that is assumed at least, in tolerances: that of two residuals."""
 
 _DIFFERENCE = 1e-3
+"""Finite-difference step, in the fit's coordinates."""
+
 _PER_CYCLES = 100.0
+"""Cycles over which a trend is told."""
 
 
 @dataclass(frozen=True)

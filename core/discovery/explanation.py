@@ -102,7 +102,7 @@ class Explanation:
 
     @property
     def misfit_v(self) -> float:
-        """A typical error beyond noise, V: blind to the few averages that are far off."""
+        """A typical error beyond noise, V: not affected by the few averages that are far off."""
         typical = robust_deviation(self.errors) ** 2
         return float(np.sqrt(max(typical - float(np.median(self.sigma**2)), 0.0)))
 

@@ -66,7 +66,7 @@ class Gap:
 
     base: Explanation  # The base model, by its better likelihood.
     # The fit of the base model that comes nearest in root mean square, by which the gap is measured. The likelihood
-    # by which ``base`` is the better one is blind to how far off the few averages are that are far off.
+    # by which ``base`` is the better one is not affected by how far off the few averages are that are far off.
     nearest: Explanation
     # noise_v, held_noise_v: Measurement noise of the fitted records and of the data not fitted, V.
     noise_v: float

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..effect import Effect
+from ..rms import rms
 from ..trajectory import FloatArray
 from .adequacy import judge
 from .explanation import Explanation, estimates_of, temperature_misfit
@@ -65,8 +66,8 @@ def _held(problem: Problem, effects: tuple[Effect, ...], fit: Refit) -> tuple[fl
 
 def errors_in_words(explanation: Explanation) -> str:
     """Errors on the fitted and on the held-out data, and whether the fit has converged."""
-    rms, held = 1e3 * explanation.rmse_v, 1e3 * explanation.held_rmse_v
-    return f"{rms:.2f} mV, held out {held:.2f} mV" + " (not converged)" * (not explanation.settled)
+    fitted_mv, held_mv = 1e3 * explanation.rmse_v, 1e3 * explanation.held_rmse_v
+    return f"{fitted_mv:.2f} mV, held out {held_mv:.2f} mV" + " (not converged)" * (not explanation.settled)
 
 
 def against(base: Explanation, explanation: Explanation) -> str:
@@ -82,7 +83,7 @@ def against(base: Explanation, explanation: Explanation) -> str:
 def _temperature_error(problem: Problem, predictions: Sequence[Prediction]) -> float | None:
     """Error of the temperature over all fitted records that have one, K."""
     errors = list(problem.temperature_errors(predictions).values())
-    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2))) if errors else None
+    return rms(np.concatenate(errors)) if errors else None
 
 
 def _temperature_error_at(problem: Problem, effects: Sequence[Effect], candidate: dict[str, float]) -> float | None:

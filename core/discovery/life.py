@@ -143,7 +143,7 @@ class LifeEngine:
         strengths = np.geomspace(_BELOW * effect.strength.probe, effect.strength.upper, _SCANNED)
         best, least, simulated = self._scan(effect, base, strengths)
         if not best and least > _WORSE * base.fit.cost:
-            # What hardly shows in another cell is far too much for this one.
+            # A strength that is small in one cell may end another.
             best, _, seen = self._scan(effect, base, strengths[0] * strengths[0] / strengths[1:])
             simulated = simulated or seen
         if not best:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import zero_Celsius
 
 from ..trajectory import FloatArray, StepKind
 from .observations import Observations
@@ -41,16 +42,12 @@ class Place:
     samples: int  # Averages that it rests on.
 
 
-def localise(
-    observations: Sequence[Observations], errors: Sequence[FloatArray], capacity_ah: float | None = None
-) -> list[Place]:
+def localise(observations: Sequence[Observations], errors: Sequence[FloatArray], capacity_ah: float) -> list[Place]:
     """Lay the residual out; ``errors`` are measured minus simulated voltage by record, V.
 
     A bias is simulated minus measured, as on the page of a calibration.
-    The capacity makes C-rates of currents and shares of charges; left out, it is the most that a record draws.
+    The capacity makes C-rates of currents and shares of charges.
     """
-    drawn = max(float(np.ptp(o.charge)) for o in observations)
-    capacity = capacity_ah or drawn or 1.0
     whole = sum(float(np.sum(_excess(e, o) * o.count)) for e, o in zip(errors, observations, strict=True))
     places: list[Place] = []
     maps: dict[str, _Names] = {"segment": _segment, "rate": _rate, "charge": _charge, "since step": _since}
@@ -59,7 +56,7 @@ def localise(
     if len({int(c) for o in observations for c in o.cycle}) > 1:
         maps["cycle"] = _cycle
     for by, names in maps.items():
-        places += _lay_out(by, names, observations, errors, capacity, whole)
+        places += _lay_out(by, names, observations, errors, capacity_ah, whole)
     return places
 
 
@@ -140,9 +137,9 @@ def _since(observed: Observations, capacity: float) -> NDArray[np.str_]:
 
 def _temperature(observed: Observations, capacity: float) -> NDArray[np.str_]:
     if observed.temperature is not None:
-        celsius = observed.temperature - 273.15
+        celsius = observed.temperature - zero_Celsius
     else:
-        celsius = np.full(len(observed), (observed.measured_record.ambient_k or 298.15) - 273.15)
+        celsius = np.full(len(observed), (observed.measured_record.ambient_k or zero_Celsius + 25.0) - zero_Celsius)
     low = 10 * np.floor(celsius / 10)
     return np.array([f"{value:.0f} to {value + 10:.0f} degC" for value in low])
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..rms import rms
 from ..trajectory import Step, StepKind, Trajectory
 from .explanation import Explanation
 from .simulator import MeasuredRecord, Moments, Request, Simulator
@@ -95,12 +96,12 @@ def propose(
             continue
         difference = voltages[0] - voltages[1]
         difference = difference - np.mean(difference)
-        rms = float(np.sqrt(np.mean(difference**2)))
-        if best is None or 1e3 * rms > best.rms_mv:
+        rms_mv = 1e3 * rms(difference)
+        if best is None or rms_mv > best.rms_mv:
             largest = float(np.max(np.abs(difference)))
             enough = largest > max(3 * noise_v, 1e-3)
             names = (first.label, second.label)
-            found_mv = (1e3 * rms, 1e3 * largest)
+            found_mv = (rms_mv, 1e3 * largest)
             best = NextExperiment(protocol.title, protocol.steps, protocol.soc, *found_mv, names, enough)
     return best
 

@@ -86,8 +86,9 @@ def sensitivities_of(fitter: Fitter, explanation: Explanation, effects: Sequence
         wanted += [((*explanation.effects, effect), explanation.fit.candidate | values) for values in (on, off)]
     found = fitter.problem.residuals(wanted)
     sensitivities: list[FloatArray | None] = []
-    for lit, dark in zip(found[::2], found[1::2], strict=True):
-        sensitivities.append(None if lit is None else lit - (explanation.fit.residual if dark is None else dark))
+    for with_it, without in zip(found[::2], found[1::2], strict=True):
+        at_null = explanation.fit.residual if without is None else without
+        sensitivities.append(None if with_it is None else with_it - at_null)
     return sensitivities
 
 

@@ -15,6 +15,7 @@ from ..comparison.robust_loss import robust
 from ..effect import Effect
 from ..errors import BsaError
 from ..parameters import Candidate, Parameter, ParameterSpace
+from ..rms import rms
 from ..trajectory import FloatArray
 from .current_offset import current_offset
 from .observations import Observations, subset
@@ -211,7 +212,7 @@ class Problem:
         Returns its root mean square, V.
         """
         self._corrected_at = (tuple(effects), dict(candidate))
-        usual_all: list[FloatArray] = []
+        changes: list[FloatArray] = []
         for observed in (*self.observations, *self.held_observations):
             known = self.corrections.pop(observed.name, None)
             usual = self._at_first_soc(effects, candidate, observed)
@@ -229,8 +230,8 @@ class Problem:
             change = np.where(near > _LARGEST_V, 0.0, change)
             # Around a knee the difference is a shift in time; there it is an uncertainty more than a correction.
             self.corrections[observed.name] = change
-            usual_all.append(change)
-        return float(np.sqrt(np.mean(np.concatenate(usual_all) ** 2))) if usual_all else 0.0
+            changes.append(change)
+        return rms(np.concatenate(changes)) if changes else 0.0
 
     def correct_mesh_anew(self, effects: Sequence[Effect], candidate: Candidate) -> bool:
         """Measure the mesh correction at another candidate; whether it moved by more than was uncertain of it.

@@ -1,30 +1,23 @@
 """A simulator that writes every answer into the journal, and on resume answers from it first."""
 
-import hashlib
-import json
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 from ..encoding import decode_array, encode_array
 from ..errors import BsaError
 from ..run.journal import Journal
-from .simulator import Answering
+from ..run.run_config import hash_of
+from .simulator import Answering, AnyRequest
 
 SIMULATION, REFUSED = "simulation", "refused"
 
 
-class _Identified(Protocol):
-    @property
-    def identity(self) -> Mapping[str, Any]: ...
-
-
-Asked = TypeVar("Asked", bound=_Identified)
 Given = TypeVar("Given")
 
 
-class RecordedSimulator(Generic[Asked, Given]):
+class RecordedSimulator(Generic[AnyRequest, Given]):
     """Stands between a discovery and what simulates for it; see `Answering`.
 
     A discovery is a function of its simulations. One that is carried out anew with those of the journal comes to the
@@ -34,13 +27,13 @@ class RecordedSimulator(Generic[Asked, Given]):
 
     def __init__(
         self,
-        inner: Answering[Asked, Given],
+        inner: Answering[AnyRequest, Given],
         answer: type[Given],
         journal: Journal,
         earlier: Iterable[Mapping[str, Any]] = (),
         counted: Callable[[int], None] = lambda count: None,
     ) -> None:
-        self._inner = inner
+        self._inner: Answering[AnyRequest, Given] = inner
         self._counted = counted
         self._answer = answer
         self._journal = journal
@@ -51,9 +44,9 @@ class RecordedSimulator(Generic[Asked, Given]):
         self.at_once, self.has_low_fidelity = inner.at_once, inner.has_low_fidelity
         self.simulations = self.recalled = 0
 
-    def predict(self, requests: Sequence[Asked]) -> list[Given | None]:
+    def predict(self, requests: Sequence[AnyRequest]) -> list[Given | None]:
         """Answer from the journal, and have the rest simulated side by side."""
-        keys = [_key(request) for request in requests]
+        keys = [hash_of(request.identity, 24) for request in requests]
         with self._lock:
             self.simulations += len(requests)
             missing = {key: request for key, request in zip(keys, requests, strict=True) if key not in self._known}
@@ -89,7 +82,3 @@ class RecordedSimulator(Generic[Asked, Given]):
             return None
         packed = {name: event.get(name) for name in self._arrays}
         return self._answer(**{name: None if text is None else decode_array(text) for name, text in packed.items()})
-
-
-def _key(request: _Identified) -> str:
-    return hashlib.sha256(json.dumps(request.identity, sort_keys=True).encode()).hexdigest()[:24]

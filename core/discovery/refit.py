@@ -25,6 +25,9 @@ worth a simulation. No steps by an emulator: fits are short and know their Jacob
 with them and 1,710 without, to the same verdict).
 """
 
+NO_PRIOR = 1e-10
+"""Inverse variance that stands for a missing prior: curvatures stay invertible where no record tells a coordinate."""
+
 _SHARE = 0.03
 """Finite-difference step of a coordinate without a prior, as a share of its size: a strength may be many probes."""
 
@@ -95,7 +98,7 @@ class Refit:
     @property
     def _curvatures(self) -> tuple[FloatArray, FloatArray]:
         """What the data and what the priors tell of the coordinates, as inverse covariances, each of shape (p, p)."""
-        return self.jacobian.T @ self.jacobian, np.diag(self.space.prior_weights**2 + 1e-10)
+        return self.jacobian.T @ self.jacobian, np.diag(self.space.prior_weights**2 + NO_PRIOR)
 
 
 def refit(

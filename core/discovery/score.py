@@ -6,7 +6,7 @@ import numpy as np
 
 from ..bounded_step import bounded_step
 from ..trajectory import FloatArray
-from .refit import Refit
+from .refit import NO_PRIOR, Refit
 
 _REACH = 3.0
 """Standard deviations of the priors by which base parameters may move in a linear prediction."""
@@ -23,7 +23,7 @@ class Score:
     gain: float  # Fall in the sum of squares that strength and parameters together promise, within bounds.
 
 
-def score_effect(fit: Refit, sensitivity: FloatArray, bounds: tuple[float, float], reach: float = _REACH) -> Score:
+def score_effect(fit: Refit, sensitivity: FloatArray, bounds: tuple[float, float]) -> Score:
     """Score one effect at the null, on what a fit without it leaves.
 
     With ``r`` the weighted residual (data minus model), ``J`` its derivative by the fitted parameters and ``d`` by the
@@ -36,8 +36,6 @@ def score_effect(fit: Refit, sensitivity: FloatArray, bounds: tuple[float, float
         ``d``, per probe.
     bounds : tuple of float
         Those of the strength, in probes with the null at 0.
-    reach : float
-        See `trusted_step`.
     """
     residual, jacobian, prior_weights = fit.residual, fit.jacobian, fit.space.prior_weights
     projected = _projected(fit, sensitivity)
@@ -46,7 +44,7 @@ def score_effect(fit: Refit, sensitivity: FloatArray, bounds: tuple[float, float
     if float(sensitivity @ sensitivity) < 1e-6 or size < 1e-9:
         return Score(0.0, 0.0, 0.0)
     wanted = -float(projected @ free) / size
-    lower, upper = _room(fit, reach)
+    lower, upper = _room(fit)
     step, gain = _bounded(
         np.column_stack([jacobian, sensitivity]),
         residual,
@@ -55,7 +53,7 @@ def score_effect(fit: Refit, sensitivity: FloatArray, bounds: tuple[float, float
         np.append(lower, min(bounds[0], 0.0)),
         np.append(upper, max(bounds[1], 0.0)),
     )
-    _, without = trusted_step(fit, residual, reach)
+    _, without = trusted_step(fit, residual)
     return Score(float(np.clip(step[-1], *bounds)), wanted * np.sqrt(size), max(gain - without, 0.0))
 
 
@@ -69,16 +67,16 @@ def overlap(fit: Refit, one: FloatArray, other: FloatArray) -> float:
     return float(one @ other) ** 2 / size if size > 0.0 else 0.0
 
 
-def trusted_step(fit: Refit, residual: FloatArray, reach: float = _REACH) -> tuple[FloatArray, float]:
+def trusted_step(fit: Refit, residual: FloatArray) -> tuple[FloatArray, float]:
     """The step from where a fit ended that lowers a residual most, and the fall in cost, by the fit's own Jacobian.
 
-    The linear model is trusted as far as ``reach`` in each coordinate, in deviations of the priors.
+    The linear model is trusted as far as `_REACH` in each coordinate.
     """
-    return _bounded(fit.jacobian, residual, fit.space.prior_weights, fit.u, *_room(fit, reach))
+    return _bounded(fit.jacobian, residual, fit.space.prior_weights, fit.u, *_room(fit))
 
 
 def _normal(fit: Refit) -> FloatArray:
-    return np.asarray(fit.jacobian.T @ fit.jacobian + np.diag(fit.space.prior_weights**2 + 1e-9))
+    return np.asarray(fit.jacobian.T @ fit.jacobian + np.diag(fit.space.prior_weights**2 + NO_PRIOR))
 
 
 def _projected(fit: Refit, sensitivity: FloatArray) -> FloatArray:
@@ -87,10 +85,10 @@ def _projected(fit: Refit, sensitivity: FloatArray) -> FloatArray:
     return np.asarray(sensitivity - jacobian @ np.linalg.solve(_normal(fit), jacobian.T @ sensitivity))
 
 
-def _room(fit: Refit, reach: float) -> tuple[FloatArray, FloatArray]:
+def _room(fit: Refit) -> tuple[FloatArray, FloatArray]:
     """How far each coordinate may move down and up within its bounds."""
-    lower = np.minimum(np.maximum(fit.space.lowest - fit.u, -reach), 0.0)
-    upper = np.maximum(np.minimum(fit.space.highest - fit.u, reach), 0.0)
+    lower = np.minimum(np.maximum(fit.space.lowest - fit.u, -_REACH), 0.0)
+    upper = np.maximum(np.minimum(fit.space.highest - fit.u, _REACH), 0.0)
     return lower, upper
 
 

@@ -145,6 +145,7 @@ class LifeResiduals:
     residual: FloatArray  # In tolerances, as `residuals` gives them; shape (m,).
 
 
+AnyRequest = TypeVar("AnyRequest", Request, LifeRequest)
 Asked = TypeVar("Asked", contravariant=True)
 Given = TypeVar("Given", covariant=True)
 

@@ -1,7 +1,6 @@
-"""The residuals' derivatives at a candidate: from trials that a run has made anyway, and what is missing."""
+"""The residuals' derivatives at a candidate, from trials that a run has made anyway."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,26 +20,8 @@ _SHORTEST, _LONGEST = 0.002, 0.05
 _SAME = 1e-9
 
 
-@dataclass(frozen=True, eq=False)
-class Derivatives:
-    """What the trials of a run tell of the Jacobian at a candidate."""
-
-    columns: dict[int, FloatArray]  # By the parameter's place, in the unit box. Shape (m,).
-
-    def missing(self, count: int) -> list[int]:
-        """The places of the parameters of which nothing is known."""
-        return [place for place in range(count) if place not in self.columns]
-
-    def matrix(self, points: int, count: int) -> FloatArray:
-        """The Jacobian, shape (m, p); zeros where a derivative could not be had."""
-        jacobian = np.zeros((points, count))
-        for place, column in self.columns.items():
-            jacobian[:, place] = column
-        return jacobian
-
-
-def known_derivatives(trials: Sequence[Trial], best: Trial, space: ParameterSpace) -> Derivatives:
-    """Derivatives from pairs of trials near the best one that differ in a single parameter.
+def known_derivatives(trials: Sequence[Trial], best: Trial, space: ParameterSpace) -> dict[int, FloatArray]:
+    """Derivatives, shape (m,), by the parameter's place, from pairs of near trials that differ in a single parameter.
 
     Finite differences that a least-squares fit took are such pairs, so a fit that ended where it last
     looked around needs no further simulation. Of several pairs the one nearest the candidate counts.
@@ -64,7 +45,7 @@ def known_derivatives(trials: Sequence[Trial], best: Trial, space: ParameterSpac
                 assert second.residuals is not None
                 nearest[place] = distance
                 columns[place] = (first.residuals - second.residuals) / change[place]
-    return Derivatives(columns)
+    return columns
 
 
 def beside(space: ParameterSpace, candidate: Candidate, direction: FloatArray, length: float) -> FloatArray:

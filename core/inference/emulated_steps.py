@@ -97,14 +97,14 @@ class EmulatedSteps(GuidedSteps):
         """See `GuidedSteps.judge`."""
         super().judge(here, there, residual, gained, cost, worth)
         if residual is None:
-            # An emulator learns nothing from a failure: it would go there again.
+            # An emulator learns nothing from a failure, and would propose the same point.
             self._failures = self.patience
 
     def _least(self, point: FloatArray, residual: FloatArray, cost: float) -> tuple[FloatArray, float]:
         step, gain = self.step(point, self._reach)
         return np.clip(point + step, self._lower, self._upper), gain
 
-    def _led_astray(self, residual: FloatArray | None, gained: float) -> bool:
+    def _mispredicted(self, residual: FloatArray | None, gained: float) -> bool:
         return residual is None
 
     @on_one_thread

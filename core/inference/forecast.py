@@ -1,7 +1,6 @@
 """What one more record would do to the intervals, before it is measured."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,22 +8,12 @@ from ..trajectory import FloatArray
 from .identifiability import covariance_of
 
 
-@dataclass(frozen=True)
-class Forecast:
-    """What one more record would do to the intervals."""
-
-    protocol: str  # The candidate's name.
-    worst: str  # The parameter that would then be known worst.
-    worst_share: float  # Half the width of its interval, as a share of the range.
-    shares: Mapping[str, float]  # The same for every parameter.
-
-
 def what_to_measure_next(
     jacobian: FloatArray,
     candidates: Mapping[str, FloatArray],
     now: Mapping[str, float],
     noise: float,
-) -> tuple[Forecast, ...]:
+) -> dict[str, dict[str, float]]:
     """Rank candidate protocols by how far each would shrink the widest interval (minimax design).
 
     Parameters
@@ -42,18 +31,20 @@ def what_to_measure_next(
 
     Returns
     -------
-    tuple of Forecast
-        Best first; among equals the one with the smaller mean width.
+    dict of str to dict of str to float
+        For each protocol half the width that each parameter's interval would have, as a share of the range; best
+        first, among equals the one with the smaller mean width.
 
     References
     ----------
     Pukelsheim, Optimal Design of Experiments (2006), Ch. 6.
     """
-    forecasts: list[Forecast] = []
+    forecasts: dict[str, dict[str, float]] = {}
     before = np.sqrt(np.diag(covariance_of(jacobian, noise)))
     for protocol, rows in candidates.items():
         after = np.sqrt(np.diag(covariance_of(np.vstack([jacobian, rows]), noise)))
-        shares = {name: share * ratio for (name, share), ratio in zip(now.items(), after / before, strict=True)}
-        worst = max(shares, key=lambda name: shares[name])
-        forecasts.append(Forecast(protocol, worst, shares[worst], shares))
-    return tuple(sorted(forecasts, key=lambda item: (item.worst_share, sum(item.shares.values()))))
+        forecasts[protocol] = {
+            name: share * ratio for (name, share), ratio in zip(now.items(), after / before, strict=True)
+        }
+    widths = {protocol: (max(shares.values()), sum(shares.values())) for protocol, shares in forecasts.items()}
+    return {protocol: forecasts[protocol] for protocol in sorted(forecasts, key=lambda protocol: widths[protocol])}

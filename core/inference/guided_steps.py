@@ -1,4 +1,4 @@
-"""Steps of a fit that a model of the residuals leads: how far they reach, and when the model is asked no more."""
+"""Steps of a fit that a model of the residuals leads: how far they reach, and when it is no longer used."""
 
 from abc import ABC, abstractmethod
 
@@ -14,14 +14,14 @@ class GuidedSteps(ABC):
     """Steps to where a model of the residuals expects the least cost.
 
     A step fails if its gain is poor, less than is worth a simulation, or less than
-    ``least_share`` of the cost. After ``patience`` failures in a row the model is asked no more.
+    ``least_share`` of the cost. After ``patience`` failures in a row the model is no longer used.
 
     Parameters
     ----------
     radius : float
         Longest step of a coordinate.
     patience : float
-        Failures in a row that are borne.
+        Failures in a row after which it is given up.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class GuidedSteps(ABC):
         """Take in a step from a point of this cost to one with these residuals; None if it failed."""
         least = max(worth, POOR * self.promised, self.least_share * cost)
         self._failures = self._failures + 1 if gained <= least else 0
-        if self._led_astray(residual, gained):
+        if self._mispredicted(residual, gained):
             self._reach = 0.5 * float(np.max(np.abs(there - here)))
         else:
             self._reach = min(2.0 * self._reach, self._radius)
@@ -86,5 +86,5 @@ class GuidedSteps(ABC):
         """Where within reach the model expects the least cost, and the gain; None if it cannot tell."""
 
     @abstractmethod
-    def _led_astray(self, residual: FloatArray | None, gained: float) -> bool:
+    def _mispredicted(self, residual: FloatArray | None, gained: float) -> bool:
         """Whether the next steps are to be shorter."""

@@ -12,8 +12,8 @@ intervals). Nocedal & Wright, Numerical Optimization, 2nd ed. (2006), Ch. 10.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
@@ -22,6 +22,7 @@ from scipy.stats import t as student
 from ..bounded_step import bounded_step
 from ..normal import NORMAL_95
 from ..parameters import Candidate, ParameterSpace
+from ..rms import rms
 from ..trajectory import FloatArray
 
 Verdict = Literal["fixed", "loose", "open"]
@@ -37,8 +38,13 @@ DRAWS_KEPT, DRAWS_OF_A_LIFE = 20, 8
 minutes, to a quarter."""
 
 _CORRELATED = 0.9
+"""Correlation of two estimates above which their parameters stand in one group."""
+
 _NAMED_WEIGHT = 0.2
+"""Weight in a combination, whose length is 1, from which a parameter is named in it."""
+
 _CONFIDENCE = 0.95
+"""Probability of an interval."""
 
 _BEYOND_NOISE, _FOLLOWS_THE_CURVE = 3.0, 0.5
 """Root mean square, in tolerances, and correlation of neighbours, above which residuals are no instrument's noise."""
@@ -77,7 +83,7 @@ class Combination:
 
 @dataclass(frozen=True)
 class Identifiability:
-    """What a fit determines. JSON-ready through `as_json`."""
+    """What a fit determines."""
 
     intervals: Mapping[str, Interval]  # By parameter.
     combinations: tuple[Combination, ...]  # Best determined first.
@@ -110,28 +116,6 @@ class Identifiability:
         """The parameters whose fitted values lie outside their intervals: others follow the records clearly better."""
         return tuple(name for name, one in self.intervals.items() if not one.lower <= one.value <= one.upper)
 
-    def as_json(self) -> dict[str, Any]:
-        """Plain dicts, lists, strings and numbers."""
-        content = asdict(self)
-        content["combinations"] = [dict(combination) for combination in content["combinations"]]
-        content["correlated"] = [list(group) for group in self.correlated]
-        content["covariance"] = [list(row) for row in self.covariance]
-        content["draws"] = [list(row) for row in self.draws]
-        return content
-
-    @classmethod
-    def from_json(cls, content: Mapping[str, Any]) -> Identifiability:
-        """The inverse of `as_json`."""
-        return cls(
-            {name: Interval(**interval) for name, interval in content["intervals"].items()},
-            tuple(Combination(**combination) for combination in content["combinations"]),
-            tuple(tuple(group) for group in content["correlated"]),
-            content["noise"],
-            content["points"],
-            tuple(tuple(map(float, row)) for row in content.get("covariance", ())),
-            tuple(tuple(map(float, row)) for row in content.get("draws", ())),
-        )
-
 
 def residual_noise(residual: FloatArray, parameters: int, floor: float = 0.0) -> float:
     """Standard deviation of the residuals, degrees of freedom counted, in tolerances.
@@ -156,8 +140,7 @@ def neighbour_correlation(residual: FloatArray) -> float:
 
 def is_structured(residual: FloatArray) -> bool:
     """Whether residuals, in tolerances and in the order of time, show a model that is wrong rather than noise."""
-    size = float(np.sqrt(np.mean(residual**2)))
-    return size > _BEYOND_NOISE and neighbour_correlation(residual) > _FOLLOWS_THE_CURVE
+    return rms(residual) > _BEYOND_NOISE and neighbour_correlation(residual) > _FOLLOWS_THE_CURVE
 
 
 def effective_noise(residual: FloatArray, parameters: int, floor: float) -> float:

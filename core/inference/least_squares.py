@@ -88,7 +88,7 @@ class LeastSquares:
     free : ndarray of bool, shape (p,), optional
         Which coordinates may move; all by default.
     jacobian : ndarray of shape (m, p), optional
-        What is known of the derivatives; taken anew when it disappoints.
+        What is known of the derivatives; computed again when steps by it fail.
     box : Box, optional
         Bounds and priors; the unit box without priors by default.
     fresh : bool
@@ -258,7 +258,7 @@ class LeastSquares:
         if not self._batch:
             self._take_jacobian(self._differences)
             self._poor_steps = 0
-            # It was the Jacobian that disappointed, perhaps not the length of the steps.
+            # The step may have failed for its Jacobian, not its length.
             self.damping = self._known_damping
             too_short = self._predicted_gain(self._linear_step(self.damping)) <= self._worth
             if too_short and self._idle_rounds < _IDLE_ROUNDS:

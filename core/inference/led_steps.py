@@ -77,5 +77,5 @@ class LedSteps(GuidedSteps):
         there, least = self._fit(self._model, point, residual, settings, self._free, near, budget)
         return there, cost - least
 
-    def _led_astray(self, residual: FloatArray | None, gained: float) -> bool:
+    def _mispredicted(self, residual: FloatArray | None, gained: float) -> bool:
         return gained <= 0

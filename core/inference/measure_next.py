@@ -9,10 +9,10 @@ from ..comparison.residuals import residuals
 from ..simulation import Outcome
 from ..task import Experiment, Task
 from ..task import Protocol as StepProtocol
-from ..trajectory import FloatArray, Trajectory
+from ..trajectory import SECONDS_PER_HOUR, FloatArray, Trajectory
 from ..trial import Trial
 from .derivatives import beside
-from .forecast import Forecast, what_to_measure_next
+from .forecast import what_to_measure_next
 from .identifiability import open_directions
 from .simulating import Simulating, Spent
 
@@ -20,18 +20,22 @@ _ALONG = 0.02
 """Step along an undetermined direction: longer than a finite difference, since the residuals change little along it."""
 
 _MOST_DIRECTIONS = 6
+"""Undetermined directions along which protocols are simulated at most, the least known first."""
 
 _FULL = 1.0
+"""State of charge at which a suggested protocol begins."""
 
 
 @dataclass(frozen=True)
 class Suggestion:
-    """A further record, and what it would do."""
+    """A further record, and what it would do to the intervals."""
 
     name: str  # ``"C/20 discharge"``.
     protocol: StepProtocol  # Its cycles of steps, from a fully charged cell.
     hours: float  # How long the fitted cell takes for it, h.
-    forecast: Forecast  # The intervals with it.
+    worst: str  # The parameter that would then be known worst.
+    worst_share_of_range: float  # Half the width of its interval, as a share of the range.
+    shares_of_range: Mapping[str, float]  # The same for every parameter.
 
 
 def suggestions(
@@ -80,10 +84,9 @@ def suggestions(
             continue
         # The smallest matrix that maps the steps taken to the changes seen.
         rows[experiment.name] = np.array(changes).T @ np.linalg.pinv(moved.T)
-        hours[experiment.name] = run.trajectory.duration / 3600.0
-    forecasts = what_to_measure_next(jacobian, rows, now, noise)
-    found = (
-        Suggestion(forecast.protocol, protocols[forecast.protocol], hours[forecast.protocol], forecast)
-        for forecast in forecasts
-    )
+        hours[experiment.name] = run.trajectory.duration / SECONDS_PER_HOUR
+    found = []
+    for name, shares in what_to_measure_next(jacobian, rows, now, noise).items():
+        worst = max(shares, key=lambda parameter: shares[parameter])
+        found.append(Suggestion(name, protocols[name], hours[name], worst, shares[worst], shares))
     return tuple(found), 0

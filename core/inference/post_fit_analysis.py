@@ -13,14 +13,14 @@ import numpy as np
 
 from ..ageing.fade_band import FadeBand
 from ..ageing.residuals import CAPACITY_TOLERANCE, compared_cycles
-from ..comparison.residuals import capacity_rows, residuals, rms
+from ..comparison.residuals import capacity_rows, residuals
 from ..prior import Prior
+from ..rms import rms
 from ..shape import shaped
 from ..task import Task
 from ..trajectory import FloatArray
 from ..trial import Trial
 from .derivatives import DIFFERENCE, known_derivatives
-from .forecast import Forecast
 from .identifiability import Identifiability, identify, not_narrower, unsettled, with_sample
 from .measure_next import Suggestion, suggestions
 from .residual_errors import Errors, errors_of
@@ -59,64 +59,16 @@ class PostFitAnalysis:
     forgone: int = 0  # Simulations by which the budget does not suffice for further records; those are not looked for.
 
     def as_json(self) -> dict[str, Any]:
-        """Plain dicts, lists, strings and numbers; what the records fix stands at the top level."""
-        found = self.identifiability.as_json()
-        return {
-            **found,
-            "singular_values": [combination["singular_value"] for combination in found["combinations"]],
-            "base": self.base,
-            "unknown": list(self.unknown),
-            "unsettled": list(self.unsettled),
-            "worst": self.worst,
-            "measure_next": [
-                {
-                    "name": suggestion.name,
-                    "protocol": [list(cycle) for cycle in suggestion.protocol],
-                    "hours": suggestion.hours,
-                    "worst": suggestion.forecast.worst,
-                    "worst_share_of_range": suggestion.forecast.worst_share,
-                    "shares_of_range": dict(suggestion.forecast.shares),
-                }
-                for suggestion in self.measure_next
-            ],
-            "simulations": self.simulations,
-            "reused": self.reused,
-            "seconds": self.seconds,
-            "fade": [asdict(band) for band in self.fade],
-            "budget": self.budget,
-            "widened": self.widened,
-            "cut_short": self.cut_short,
-            "forgone": self.forgone,
-        }
+        """Plain dicts, sequences, strings and numbers; what the records fix stands at the top level."""
+        content = asdict(self)
+        found = content.pop("identifiability")
+        singular_values = [combination["singular_value"] for combination in found["combinations"]]
+        return {**found, "singular_values": singular_values, **content}
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> PostFitAnalysis:
-        """The inverse of `as_json`."""
-        suggestions = tuple(
-            Suggestion(
-                entry["name"],
-                tuple(tuple(cycle) for cycle in entry["protocol"]),
-                entry["hours"],
-                Forecast(entry["name"], entry["worst"], entry["worst_share_of_range"], dict(entry["shares_of_range"])),
-            )
-            for entry in content["measure_next"]
-        )
-        return cls(
-            content["base"],
-            Identifiability.from_json(content),
-            tuple(content["unknown"]),
-            tuple(content["unsettled"]),
-            content["worst"],
-            suggestions,
-            shaped(int, content["simulations"]),
-            shaped(int, content["reused"]),
-            shaped(float, content["seconds"]),
-            shaped(tuple[FadeBand, ...], content.get("fade", [])),
-            shaped(int, content.get("budget", 0)),
-            shaped(float, content.get("widened", 1.0)),
-            shaped(bool, content.get("cut_short", True)),
-            shaped(int, content.get("forgone", 0)),
-        )
+        """The inverse of `as_json`, of earlier versions' too. Raises `ValueError` where it is of another shape."""
+        return shaped(cls, {**content, "identifiability": content})  # type: ignore[no-any-return]
 
 
 def analyse(
@@ -234,13 +186,16 @@ def _posterior(
 def _jacobian(
     task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulating, spent: Spent
 ) -> tuple[FloatArray, int, tuple[str, ...], list[tuple[FloatArray, FloatArray]]]:
-    """The Jacobian, how many of its columns the search knew, what could not be had, and what was simulated for it."""
+    """The Jacobian, how many of its columns the search knew, what could not be had, and what was simulated for it.
+
+    Derivatives that could not be had are zero.
+    """
     assert best.residuals is not None
     space = task.space
     looked: list[tuple[FloatArray, FloatArray]] = []
     centre = space.to_unit(best.candidate)
     known = known_derivatives(trials, best, space)
-    columns = dict(known.columns)
+    columns = dict(known)
     side = np.where(centre <= 0.5, 1.0, -1.0)
     for attempt in (1.0, -1.0):
         # A neighbour that fails on one side may run on the other.
@@ -259,6 +214,8 @@ def _jacobian(
             if there is not None and change != 0.0:
                 looked.append((point, there))
                 columns[place] = (there - best.residuals) / change
-    found = replace(known, columns=columns)
-    unknown = tuple(space.names[place] for place in found.missing(len(space)))
-    return found.matrix(len(best.residuals), len(space)), len(known.columns), unknown, looked
+    unknown = tuple(name for place, name in enumerate(space.names) if place not in columns)
+    jacobian = np.zeros((len(best.residuals), len(space)))
+    for place, column in columns.items():
+        jacobian[:, place] = column
+    return jacobian, len(known), unknown, looked

@@ -32,6 +32,7 @@ _WALKERS = 6
 """Walkers for each parameter; the sampler needs twice the parameters at least."""
 
 _FEWEST = 20
+"""Walkers at least, however few the parameters are."""
 
 MOVES, _BURNT, _KEPT_EVERY = 2400, 0.25, 12
 """Moves of every walker, the share of them not counted, and how many lie between two that are kept: about one time of
@@ -64,9 +65,7 @@ def going_on(draws: FloatArray, costs: Callable[[FloatArray], FloatArray]) -> Fl
     return np.asarray(draws[some[order]])
 
 
-def sample(
-    costs: Callable[[FloatArray], FloatArray], walkers: FloatArray, moves: int = MOVES, seed: int = 0
-) -> FloatArray:
+def sample(costs: Callable[[FloatArray], FloatArray], walkers: FloatArray, moves: int = MOVES) -> FloatArray:
     """Draws from the posterior, shape (n, p).
 
     Parameters
@@ -76,7 +75,7 @@ def sample(
     walkers : ndarray of shape (w, p)
         Where they start; an even number.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     walkers, half = walkers.copy(), len(walkers) // 2
     cost = costs(walkers)
     kept: list[FloatArray] = []

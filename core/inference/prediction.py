@@ -15,6 +15,7 @@ from ..encoding import decode_trajectory, encode_trajectory
 from ..errors import BsaError
 from ..normal import NORMAL_95
 from ..parameters import Candidate
+from ..rms import rms
 from ..shape import shaped
 from ..signals import Signal
 from ..simulation import ExperimentRun, Outcome, in_order
@@ -312,10 +313,10 @@ def _forecast(
     half = fade.at(measured.cycle)
     inside = np.abs(simulated.at(measured.cycle) - measured.capacity_ah) <= half
     percent = 100.0 / float(measured.capacity_ah[0])
-    rms, median = float(np.sqrt(np.mean(half**2))), float(np.median(half))
+    median = float(np.median(half))
     wide = median >= _WIDE * float(measured.capacity_ah[0])
     band = Band(
-        percent * rms,
+        percent * rms(half),
         percent * float(half.max()),
         float(np.mean(inside)),
         wide,

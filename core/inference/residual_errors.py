@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..comparison.knees import knees_of_residuals
-from ..comparison.residuals import noise_of_residuals, residuals, rms, rows_of
+from ..comparison.residuals import noise_of_residuals, residuals, rows_of
+from ..rms import rms
 from ..task import Task
 from ..trajectory import FloatArray
 from ..trial import Trial

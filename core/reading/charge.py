@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..printable import counted, rounded
-from ..trajectory import FloatArray, StepKind, Trajectory
+from ..trajectory import SECONDS_PER_HOUR, FloatArray, StepKind, Trajectory
 from .counters import LATE_S, counted_between
 from .gaps import gaps_in
 from .samples import Samples
@@ -78,7 +78,7 @@ def _of_offset(trajectory: Trajectory) -> list[str]:
     began_v, ended_v = resting_voltage(trajectory), trajectory.voltage[silent[0] if silent else last.stop - 1]
     drawn = trajectory.discharge_capacity
     passing = np.abs(trajectory.current) > 0.0
-    hours = float(np.sum(np.diff(trajectory.time)[passing[:-1]])) / 3600.0
+    hours = float(np.sum(np.diff(trajectory.time)[passing[:-1]])) / SECONDS_PER_HOUR
     net, size = float(drawn[-1]), float(np.ptp(drawn))
     if abs(ended_v - began_v) > SAME_REST_V or abs(net) < NOT_BACK_SHARE * size or len(trajectory.cycles) > 1:
         return []

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..printable import rounded
-from ..trajectory import FloatArray
+from ..trajectory import SECONDS_PER_HOUR, FloatArray, drawn_between
 from .gaps import gaps_in
 from .samples import Counter, Samples
 
@@ -26,11 +26,6 @@ _SAME_TIME_S = 1e-6
 differences of large counters leave of a switch that is exactly there."""
 
 
-def drawn_between(time: FloatArray, current: FloatArray) -> FloatArray:
-    """Charge between neighbouring samples, A.h, shape (n - 1,), if the current were linear in time between them."""
-    return 0.5 * (current[1:] + current[:-1]) * np.diff(time) / 3600.0
-
-
 def counted_between(samples: Samples) -> FloatArray | None:
     """Charge drawn between neighbouring samples by the file's own counters.
 
@@ -41,13 +36,18 @@ def counted_between(samples: Samples) -> FloatArray | None:
     if "charged_ah" in extra and "discharged_ah" in extra:
         passed = _rises(extra["discharged_ah"]) - _rises(extra["charged_ah"])
     elif "net_ah" in extra:
-        passed, sampled = np.diff(extra["net_ah"]), drawn_between(samples.time, samples.current)
+        passed, sampled = np.diff(extra["net_ah"]), _sampled(samples)
         # A net counter may run either way; in a long silence it may have been set to zero.
         passed *= np.sign(np.nansum(np.delete(passed * sampled, gaps_in(samples)))) or 1.0
         passed = np.where(np.abs(extra["net_ah"][1:]) < 1e-9, sampled, passed)  # set to zero, it says nothing
     else:
         return None
     return None if np.count_nonzero(np.isfinite(passed)) < 0.9 * len(passed) else passed
+
+
+def _sampled(samples: Samples) -> FloatArray:
+    """Charge drawn between neighbouring samples if the current were linear between them, A.h, shape (n - 1,)."""
+    return drawn_between(samples.time, samples.current) / SECONDS_PER_HOUR
 
 
 def _rises(counter: FloatArray) -> FloatArray:
@@ -70,13 +70,13 @@ def with_switches_counted(samples: Samples) -> Samples:
     if passed is None or len(samples) < 2:
         return samples
     spacing, before, after = np.diff(samples.time), samples.current[:-1], samples.current[1:]
-    sampled = drawn_between(samples.time, samples.current)
+    sampled = _sampled(samples)
     size = min(float(np.ptp(np.cumsum(sampled))), float(np.ptp(np.nancumsum(passed))) or np.inf)
     switched = np.abs(after - before) > _SWITCHED_SHARE * float(np.max(np.abs(samples.current)))
     with np.errstate(divide="ignore", invalid="ignore"):
         # current before for `share` of the interval, current after for the rest of it
-        share = (3600.0 * passed / spacing - after) / (before - after)
-    slack = _SHOWN_SHARE * size / np.maximum(np.abs(before - after) * spacing / 3600.0, 1e-12)
+        share = (SECONDS_PER_HOUR * passed / spacing - after) / (before - after)
+    slack = _SHOWN_SHARE * size / np.maximum(np.abs(before - after) * spacing / SECONDS_PER_HOUR, 1e-12)
     told = switched & (spacing > LATE_S) & (np.abs(passed - sampled) > _SHOWN_SHARE * size)
     told &= (share >= -slack) & (share <= 1.0 + slack)
     told[gaps_in(samples)] = False

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..errors import BsaError
 from ..record import ReadOptions
+from ..segmentation.levels import answer
 from .samples import Samples
 from .stretches import Places, directions, steady_stretches, stretches
 
@@ -77,9 +78,7 @@ def _discharge_positive(samples: Samples) -> tuple[float, int, int]:
         if total > BOTH_WAYS_V and abs(trend) < 0.5:
             raise _sizes_only(samples, first, last)
         _refuse_both_ways(samples)
-    steps, answers = np.diff(current), np.diff(voltage)
-    size = float(np.sqrt(np.sum(steps**2) * np.sum(answers**2)))
-    jump = -float(np.sum(steps * answers)) / size if size > 0 and np.ptp(voltage) > _TELLING_V else 0.0
+    jump = answer(np.diff(current), np.diff(voltage)) if np.ptp(voltage) > _TELLING_V else 0.0
     # Trend and switches tell the same; where they contradict each other, neither counts.
     evidence = trend if abs(trend) >= 0.3 else jump
     if trend * jump < 0 and abs(jump) > 0.5:

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from ..printable import counted
 from ..segmentation.holds import HOLD_BAND_V
-from ..trajectory import FloatArray, Trajectory
+from ..trajectory import SECONDS_PER_HOUR, FloatArray, Trajectory, drawn_between
 from .samples import Samples
 
 GAP_S = 900.0
@@ -40,13 +40,13 @@ def _held(record: Samples | Trajectory, places: NDArray[np.intp]) -> NDArray[np.
     falls = np.sign(before) * (before - after)
     noise = FLOWS * float(np.max(np.abs(current)))
     hold = (before * after > 0.0) & (falls > noise) & (np.abs(voltage[places + 1] - voltage[places]) < HOLD_BAND_V)
-    between = falls * (time[places + 1] - time[places]) / 3600.0
+    between = falls * (time[places + 1] - time[places]) / SECONDS_PER_HOUR
     return np.asarray(hold & (between < _HOLD_CHARGE * _largest_charge(time, current, places)))
 
 
 def _largest_charge(time: FloatArray, current: FloatArray, silent: NDArray[np.intp]) -> float:
     """The largest charge that passes one way without a rest or a silence, A.h."""
-    passed = 0.5 * (current[1:] + current[:-1]) * np.diff(time) / 3600.0
+    passed = drawn_between(time, current) / SECONDS_PER_HOUR
     passed[silent] = 0.0
     starts = np.union1d([0], np.union1d(np.flatnonzero(np.diff(np.sign(current))), silent))
     return float(np.max(np.abs(np.add.reduceat(passed, starts))))

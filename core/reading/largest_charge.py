@@ -5,7 +5,7 @@ import numpy as np
 from ..errors import BsaError
 from ..printable import rounded
 from ..record import ReadOptions
-from ..trajectory import SECONDS_PER_HOUR
+from ..trajectory import SECONDS_PER_HOUR, drawn_between
 from .samples import Samples
 from .stretches import stretches
 
@@ -22,8 +22,7 @@ def check_charge(samples: Samples, options: ReadOptions) -> None:
     if "current" in options.units or options.constant_current_a is not None or not np.any(samples.current):
         return
     first, last = stretches(samples)
-    middle = 0.5 * (samples.current[1:] + samples.current[:-1])
-    passed = np.concatenate([[0.0], np.cumsum(middle * np.diff(samples.time))]) / SECONDS_PER_HOUR
+    passed = np.concatenate([[0.0], np.cumsum(drawn_between(samples.time, samples.current))]) / SECONDS_PER_HOUR
     charges = np.abs(passed[last] - passed[first])
     k = int(np.argmax(charges))
     if charges[k] <= _LARGEST_AH:

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..record import Record
-from ..trajectory import Step, Trajectory
+from ..trajectory import SECONDS_PER_HOUR, Step, Trajectory
 from .checks import MIN_SAMPLES
 from .gaps import FLOWS, gaps_in
 
@@ -32,9 +32,8 @@ def parts_between_gaps(record: Record) -> list[Record]:
         f"are used of it, each with its own state of charge: {len(kept)}"
     )
     if len(kept) < len(edges):
-        note += (
-            f"; {left_out_s / 3600.0:.3g} h that begin under load or have less than {MIN_SAMPLES} samples are left out"
-        )
+        hours = left_out_s / SECONDS_PER_HOUR
+        note += f"; {hours:.3g} h that begin under load or have less than {MIN_SAMPLES} samples are left out"
     parts = [
         replace(record, name=f"{record.name}, part {number}", trajectory=_slice(trajectory, a, b), notes=())
         for number, (a, b) in enumerate(kept, start=1)

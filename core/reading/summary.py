@@ -10,7 +10,7 @@ from scipy.constants import zero_Celsius
 from ..printable import rounded
 from ..record import Record
 from ..segmentation.recognised_protocol import late_s, with_switches
-from ..trajectory import FloatArray, Step, StepKind, Trajectory
+from ..trajectory import SECONDS_PER_HOUR, FloatArray, Step, StepKind, Trajectory
 from .charge import NOTED_SHARE
 from .counters import LATE_S
 from .open_circuit import SLOW_HOURS, SLOW_SWING_V, rested_places, steady_stretches
@@ -136,7 +136,7 @@ def _step_row(trajectory: Trajectory, drawn: FloatArray, step: Step) -> StepRow:
     duration = float(time[-1] - time[0])
     charge, current = float(drawn[step.stop - 1] - drawn[step.start]), float(np.median(trajectory.current[inside]))
     if step.kind in (StepKind.CV_HOLD, StepKind.DRIVE) and duration > 0.0:
-        current = 3600.0 * charge / duration
+        current = SECONDS_PER_HOUR * charge / duration
     return StepRow(
         kind=str(step.kind),
         cycle=step.cycle,
@@ -225,7 +225,7 @@ def _open_charge(trajectory: Trajectory, steps: Sequence[StepRow]) -> Iterator[s
         loaded = last if abs(current[before]) > abs(current[after]) else step
         apart_s = min(float(time[after] - time[before]), late_s(trajectory, loaded))  # a load is written more often
         change = abs(float(current[after] - current[before]))
-        charge = change * apart_s / 3600.0
+        charge = change * apart_s / SECONDS_PER_HOUR
         if change > STEP_SHARE * largest and apart_s > LATE_S and charge > NOTED_SHARE * most:
             found.append((charge, float(time[before])))
     if found:

@@ -9,6 +9,7 @@ from ..errors import BsaError
 from ..printable import counted, were
 from ..trajectory import FloatArray
 from .samples import Mask, Samples
+from .values import lone
 
 KELVIN = (200.0, 400.0)
 """Temperatures at which a cell is measured; outside, the unit is another one or the sensor is faulty."""
@@ -44,7 +45,7 @@ def with_usable_temperature(samples: Samples) -> Samples:
             samples,
             f"shows {_words(median)}, which is no temperature of a cell in degC or in K (an open sensor reads so)",
         )
-    faulty = finite & (_impossible(temperature) | _lone(samples.time, temperature))
+    faulty = finite & (_impossible(temperature) | _glitches(samples.time, temperature))
     bad = ~finite | faulty
     if np.count_nonzero(bad) > _MISSING_SHARE * len(samples):
         what = f"no temperature of a cell ({_first(samples, faulty)})" if faulty.any() else "no number"
@@ -92,17 +93,11 @@ def _impossible(kelvin: FloatArray) -> Mask:
         return np.asarray((kelvin < KELVIN[0]) | (kelvin > KELVIN[1]))
 
 
-def _lone(time: FloatArray, kelvin: FloatArray) -> Mask:
+def _glitches(time: FloatArray, kelvin: FloatArray) -> Mask:
     """Which readings are glitches: see `_GLITCH_K`."""
-    lone = np.zeros(len(kelvin), dtype=np.bool_)
-    if len(kelvin) < 3:
-        return lone
-    with np.errstate(invalid="ignore"):
-        before, after = kelvin[1:-1] - kelvin[:-2], kelvin[1:-1] - kelvin[2:]
-        far = (np.minimum(np.abs(before), np.abs(after)) > _GLITCH_K) & (before * after > 0)
-        agree = np.abs(kelvin[2:] - kelvin[:-2]) < 0.25 * np.abs(before)
-        lone[1:-1] = far & agree & (np.maximum(np.diff(time)[:-1], np.diff(time)[1:]) <= _GLITCH_S)
-    return lone
+    found, apart = lone(kelvin, _GLITCH_K), np.diff(time)
+    found[1:-1] &= np.maximum(apart[:-1], apart[1:]) <= _GLITCH_S
+    return found
 
 
 def _refuse_other_unit(samples: Samples, kelvin: float) -> None:

@@ -4,6 +4,7 @@ import numpy as np
 
 from ..errors import BsaError
 from ..printable import rounded
+from ..trajectory import SECONDS_PER_HOUR
 from .samples import Samples
 from .stretches import steady_stretches
 
@@ -16,7 +17,7 @@ _QUICKEST_S = 360.0
 _QUICK_S = 1800.0
 """Time of a whole discharge at 2C, in s: few cells are tested faster alone, and a slow test in minutes is as likely."""
 
-_SLOWEST_S = 200.0 * 3600.0
+_SLOWEST_S = 200.0 * SECONDS_PER_HOUR
 """Time of a whole discharge at C/200, in s: curves near the open circuit are measured at C/10 to C/100, so that
 milliseconds are the likelier unit."""
 
@@ -67,7 +68,7 @@ def _would_go(samples: Samples, first: int, last: int) -> str:
 
 def _rate(seconds: float) -> str:
     """The C-rate of a whole charge or discharge that takes so long."""
-    rate = 3600.0 / seconds
+    rate = SECONDS_PER_HOUR / seconds
     return f"{rate:.2g}C" if rate >= 1.0 else f"C/{1.0 / rate:.0f}"
 
 

@@ -6,12 +6,13 @@ from ..errors import BsaError
 from ..printable import counted, were
 from ..record import Signal
 from ..trajectory import LARGEST, FloatArray
-from .samples import Samples
+from .samples import Mask, Samples
 
 MISSING_SHARE = 0.01
 """Rows without a value are left out up to this share of the record, or `MISSING_ROWS`; beyond, the file is refused."""
 
 MISSING_ROWS = 3
+"""Rows that may be left out of a short record, of which `MISSING_SHARE` would be less."""
 
 VOLTAGE_RANGE_V = (-0.01, 6.0)
 """What a single cell can show, in V. One that is drawn to 0 V shows a little less if its instrument is off."""
@@ -20,6 +21,7 @@ GLITCH_V = 0.4
 """A lone sample this far from both neighbours, which agree and carry the same current, is a glitch, in V."""
 
 MAX_CURRENT_A = 2000.0
+"""A record with one sample in twenty above this is taken for one in mA, in A."""
 
 
 def without_missing(samples: Samples) -> Samples:
@@ -101,6 +103,16 @@ def _refuse_unit(samples: Samples, signal: Signal, value: str, unit: str) -> Non
     )
 
 
+def lone(values: FloatArray, limit: float) -> Mask:
+    """Which values are further than a limit from both neighbours, on one side, while these agree; shape (n,)."""
+    found = np.zeros(len(values), dtype=np.bool_)
+    with np.errstate(invalid="ignore"):
+        before, after = values[1:-1] - values[:-2], values[1:-1] - values[2:]
+        far = (np.minimum(np.abs(before), np.abs(after)) > limit) & (before * after > 0)
+        found[1:-1] = far & (np.abs(values[2:] - values[:-2]) < 0.25 * np.abs(before))
+    return found
+
+
 def without_glitches(samples: Samples) -> Samples:
     """Leave out lone voltage samples that no cell can produce. Raises `BsaError` if there are many."""
     v, i = samples.voltage, samples.current
@@ -108,11 +120,9 @@ def without_glitches(samples: Samples) -> Samples:
         return samples
     scale = float(np.max(np.abs(i)))
     calm = (np.abs(i[1:-1] - i[:-2]) <= 0.05 * scale) & (np.abs(i[1:-1] - i[2:]) <= 0.05 * scale)
-    before, after, across = v[1:-1] - v[:-2], v[1:-1] - v[2:], np.abs(v[2:] - v[:-2])
-    lone = (np.minimum(np.abs(before), np.abs(after)) > GLITCH_V) & (before * after > 0)
     outside = (v[1:-1] < VOLTAGE_RANGE_V[0]) | (v[1:-1] > VOLTAGE_RANGE_V[1])
-    bad = np.zeros(len(samples), dtype=np.bool_)
-    bad[1:-1] = lone & (across < 0.25 * np.abs(before)) & (calm | outside)
+    bad = lone(v, GLITCH_V)
+    bad[1:-1] &= calm | outside
     rows = np.flatnonzero(bad)
     if len(rows) == 0:
         return samples

@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from ..comparison.residuals import noise_of_residuals, rms
+from ..comparison.residuals import noise_of_residuals
+from ..rms import rms
 from ..task import Task
 from ..trial import Trial, likeliest, misfit_times_score
 

@@ -6,6 +6,7 @@ from typing import Any, Literal
 from ..comparison.record_errors import RecordErrors, SignalError, StepErrors
 from ..encoding import TrialRecord
 from ..inference.identifiability import Combination, Interval
+from ..inference.measure_next import Suggestion
 from ..inference.prediction import Band
 from ..messages import Usage
 from ..shape import check_json, list_of, mapping_with
@@ -26,14 +27,6 @@ def _shapes() -> dict[str, Any]:
         simulations=int,
         curve=dict[str, Any] | None,
     )
-    suggestion = mapping_with(
-        name=str,
-        protocol=list[list[str]],
-        hours=float,
-        worst=str,
-        worst_share_of_range=float,
-        shares_of_range=dict[str, float],
-    )
     analysis = mapping_with(
         base=int,
         intervals=dict[str, Interval],
@@ -44,7 +37,7 @@ def _shapes() -> dict[str, Any]:
         unknown=list[str],
         unsettled=list[str],
         worst=str,
-        measure_next=list_of(suggestion),
+        measure_next=list[Suggestion],
         simulations=int,
         reused=int,
         seconds=float,

@@ -37,7 +37,7 @@ def section(run: RunRecord) -> dict[str, Any] | None:
                 "name": suggestion.name,
                 "steps": steps_of(suggestion),
                 "hours": number(suggestion.hours, 2),
-                "worst": f"{half_width(suggestion.forecast.worst_share)} ({short_name(suggestion.forecast.worst)})",
+                "worst": f"{half_width(suggestion.worst_share_of_range)} ({short_name(suggestion.worst)})",
             }
             for suggestion in found.measure_next
         ],

@@ -144,7 +144,7 @@ def next_line(analysis: PostFitAnalysis, domain: Domain) -> str:
         return ""
     first = analysis.measure_next[0]
     now = analysis.identifiability.intervals[analysis.worst].share_of_range
-    if first.forecast.worst_share > _WORTH_MEASURING * now:
+    if first.worst_share_of_range > _WORTH_MEASURING * now:
         of_all = len(analysis.measure_next)
         considered = f"None of the {of_all} protocols considered" if of_all > 1 else "No protocol considered"
         return (
@@ -156,7 +156,7 @@ def next_line(analysis: PostFitAnalysis, domain: Domain) -> str:
     return (
         f"To measure next: {first.name} ({length}): the widest 95 % interval would go "
         f"from {half_width(now)} of its range ({short_name(analysis.worst)}) to "
-        f"{half_width(first.forecast.worst_share)} ({short_name(first.forecast.worst)})."
+        f"{half_width(first.worst_share_of_range)} ({short_name(first.worst)})."
     )
 
 

@@ -7,6 +7,7 @@ from typing import Any, Literal, cast
 from ...core.ageing.choice import SHOWN
 from ...core.errors import BsaError, did_you_mean
 from ...core.messages import ALTERNATIVES, JsonSchema
+from ...core.numbers import finite_number
 from ...core.parameters import Candidate, ParameterSpace
 from ...core.printable import strip_control
 from ...core.trial import Trial
@@ -18,11 +19,16 @@ FREE: tuple[Kind, ...] = ("predict", "look")
 """Actions that are answered at once and cost no simulation."""
 
 MOST_AT_ONCE = 3
-_MOST_SIMULATIONS = 40
-_DEFAULT_SIMULATIONS = 5
+"""Sets of changes that are simulated at once, at most."""
+
+_MOST_SIMULATIONS, _DEFAULT_SIMULATIONS = 40, 5
+"""Simulations that an action may ask for at most, and those of one that does not say how many."""
+
 _LOWEST_RATE_PERCENT = 10
+"""Lowest share of the currents from which "reduce" comes back, %."""
 
 _HYPOTHESIS, _RATIONALE = 300, 500
+"""Characters of these texts, at most."""
 
 _NEEDS: dict[Kind, tuple[str, ...]] = {
     "set": ("updated_params",),
@@ -202,30 +208,27 @@ def _step(asked: Any, offer: Offer) -> str:
 
 def _look_at(asked: Any, offer: Offer) -> tuple[int, ...]:
     """The cycles that exist; a wish that is none is no reason to lose the reply."""
-    wanted = asked if isinstance(asked, list) else []
-    return tuple(int(cycle) for cycle in wanted if _is_number(cycle) and 1 <= cycle <= offer.cycles)[:SHOWN]
+    wanted = map(finite_number, asked if isinstance(asked, list) else [])
+    return tuple(int(cycle) for cycle in wanted if cycle is not None and 1 <= cycle <= offer.cycles)[:SHOWN]
 
 
 def _simulations(asked: Any) -> int:
-    if isinstance(asked, bool) or not isinstance(asked, (int, float)) or asked != asked:
-        return _DEFAULT_SIMULATIONS
-    return int(min(max(asked, 1), _MOST_SIMULATIONS))
+    number = finite_number(asked)
+    return _DEFAULT_SIMULATIONS if number is None else int(min(max(number, 1), _MOST_SIMULATIONS))
 
 
 def _rate(asked: Any) -> float | None:
     """A share of the currents below 1; None for the full rate or what is no number."""
-    if not _is_number(asked):
+    number = finite_number(asked)
+    if number is None:
         return None
-    rate = min(max(float(asked), _LOWEST_RATE_PERCENT), 100.0) / 100.0
+    rate = min(max(number, _LOWEST_RATE_PERCENT), 100.0) / 100.0
     return rate if rate < 1.0 else None
 
 
 def _cycles(asked: Any) -> int | None:
-    return max(int(asked), 1) if _is_number(asked) else None
-
-
-def _is_number(asked: Any) -> bool:
-    return isinstance(asked, (int, float)) and not isinstance(asked, bool) and -1e9 < asked < 1e9
+    number = finite_number(asked)
+    return None if number is None else max(int(number), 1)
 
 
 def _trial(asked: Any, trials: Sequence[Trial]) -> int:

@@ -21,6 +21,8 @@ _SHRINK = 0.4
 """Longest next suggestion as a share of the length of a change that was no better."""
 
 _WORST, _MATCHING = 3, 3
+"""Features that a digest tells, the worst first, and parameters that it names for each."""
+
 _NEGLIGIBLE = 0.02
 """Share of the largest suggested change, in typical steps, below which a parameter is left as it is."""
 

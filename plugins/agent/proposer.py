@@ -155,19 +155,10 @@ def require_backend(context: RunContext) -> Backend:
 
 def differences(situation: Situation, parameters: tuple[str, ...], limit: int) -> list[Candidate]:
     """The present candidate with one parameter moved at a time, to the side with more room, as many as fit."""
-    space, base = situation.task.space, situation.base.candidate
-    lower, upper = situation.room()
-    found: list[Candidate] = []
-    for place, parameter in enumerate(space):
-        if parameters and parameter.name not in parameters:
-            continue
-        side = _DIFFERENCE if upper[place] >= min(_DIFFERENCE, -lower[place]) else -_DIFFERENCE
-        moved = {
-            **base,
-            parameter.name: parameter.project(parameter.at_steps(parameter.in_steps(base[parameter.name]) + side)),
-        }
-        if moved[parameter.name] != base[parameter.name]:
-            found.append(moved)
+    base = situation.base.candidate
+    chosen = [one for one in situation.task.space if not parameters or one.name in parameters]
+    moved = {one.name: one.a_step_aside(base[one.name], _DIFFERENCE) for one in chosen}
+    found: list[Candidate] = [{**base, name: value} for name, value in moved.items() if value != base[name]]
     return found[:limit]
 
 

@@ -8,6 +8,7 @@ from ...core.effect import Effect, EffectParameter, Evidence
 from ..pybamm.augmentation import PyBaMMPart
 
 FEWEST_CYCLES = 3
+"""Cycles of a record from which effects that age a cell are considered."""
 
 _FEWEST_OF_A_LIFE = 50
 """Cycles from which what only a whole life can tell is considered: below, it would be one more rival."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...core.comparison.alignment import StepPair, pair_steps
 from ...core.comparison.residuals import DURATION_TOLERANCE, POINTS, tolerance_at
+from ...core.rms import rms
 from ...core.signals import Signal, slug
 from ...core.simulation import Outcome
 from ...core.task import Experiment, Task
@@ -145,7 +146,7 @@ def _swing_features(name: str, pair: StepPair, signal: Signal, begin: float, end
     # A curve that comes late by a short time lies off by that time times the slope.
     lag_s = float(rate @ (measured - simulated)) / moved if moved > 0 else 0.0
     larger = signal.shown_scale * (_amplitude(simulated) - _amplitude(measured))
-    slope = float(np.sqrt(np.mean(rate**2)))
+    slope = rms(rate)
     found = {f"{name}_amplitude_shift_{signal.suffix}": Mismatch(larger, signal.shown_scale * signal.tolerance)}
     if slope > 0:
         found[f"{name}_lag_s"] = Mismatch(lag_s, signal.tolerance / slope)

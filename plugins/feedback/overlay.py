@@ -13,6 +13,7 @@ from ...core.metrics import Metrics
 from ...core.signals import Signal
 from ...core.simulation import Outcome
 from ...core.task import Task
+from ...core.trajectory import SECONDS_PER_HOUR
 from .structured import StructuredFeedback
 
 FOLDER = "overlays"
@@ -43,11 +44,9 @@ class OverlayFeedback:
 
 def draw_step(pair: StepPair, signals: Sequence[Signal], path: Path) -> None:
     """Draw a step's observed signals over the share of the step's own duration, as they are compared."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(5.2, 2.3 * len(signals)), dpi=80, layout="constrained")
-    FigureCanvasAgg(figure)
     rows = figure.subplots(len(signals), 1, sharex=True, squeeze=False)[:, 0]
     fractions = np.linspace(0.0, 1.0, _STEP_POINTS)
     for axes, signal in zip(rows, signals, strict=True):
@@ -63,15 +62,13 @@ def draw_step(pair: StepPair, signals: Sequence[Signal], path: Path) -> None:
 
 def draw_overlay(task: Task, outcome: Outcome, path: Path) -> None:
     """Draw the signals over time, driven ones on top, one column a record, as the paper's prompt shows them."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     count, signals = len(task.experiments), (*task.driven, *task.observed)
     figure = Figure(figsize=(5.2 * min(count, 3), 2.3 * len(signals)), dpi=80, layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots(len(signals), min(count, 3), sharex="col", squeeze=False)
     longest = max(experiment.target.duration for experiment in task.experiments)
-    scale, unit = (3600.0, "h") if longest > _HOURS_BEYOND_S else (1.0, "s")
+    scale, unit = (SECONDS_PER_HOUR, "h") if longest > _HOURS_BEYOND_S else (1.0, "s")
     for column, (experiment, run) in enumerate(zip(task.experiments[:3], outcome.runs, strict=False)):
         for record, (colour, label) in zip((experiment.target, run.trajectory), _CURVES, strict=True):
             if record is None:

@@ -28,11 +28,11 @@ def by_step(task: Task, outcome: Outcome) -> dict[str, Any]:
     """Two tables, ``steps`` and ``residuals_along_step``; empty where no step was reached."""
     found = misfits(task, outcome)
     total = sum(sum(step.squares.values()) for step in found) or 1.0
-    clock = _clock_offsets(found)
+    clock, longest = _clock_offsets(found), _longest(task, found)
     told = [
         (name, step, offset)
         for name, step, offset in zip(_names(task, found), found, clock, strict=True)
-        if step in _longest(task, found)
+        if step in longest
     ]
     if not told:
         return {}

@@ -12,7 +12,10 @@ from ...core.trial import Trial, closest
 from ..feedback.rounding import SHOWN_DIGITS, rounded
 
 _NOTE_CHARS = 40
+"""Characters of the note on a trial, at most."""
+
 _STEP_DECIMALS = 2
+"""Decimals of a change, in typical steps."""
 
 _MOST_STEPS = 72
 """Numbers that the changes of all trials shown may take: six trials of twelve parameters. Of twenty parameters a reader

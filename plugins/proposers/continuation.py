@@ -27,7 +27,11 @@ _DIFFERENCE = 0.05
 """Finite-difference step for the gentle direction, in units of the box: its length does not matter."""
 
 _STRIDE = 0.15
+"""Step along the gentle direction, in units of the box."""
+
 _MOST_ROUNDS = 6
+"""Steps along it after which a way back to the whole task is given up."""
+
 _FIT_BEYOND_JACOBIAN = 8
 """Simulations that a fit of the first cycles may take beyond its start and a Jacobian."""
 
@@ -35,6 +39,7 @@ _ONSET = 0.2
 """First part of a step, over which polarisation is measured: later the state of charge decides the voltage."""
 
 _ONSET_POINTS = 20
+"""Times in that part at which the voltage is averaged."""
 
 
 class Continuation(ABC):
@@ -87,9 +92,10 @@ class CurrentRateContinuation(Continuation):
         """See `Continuation.words`."""
         if self._rate == 0.0:
             return "Nothing runs at the task's own currents: lower ones first."
+        runs = f"The cell runs at {100 * self._rate:.3g} % of the currents"
         if self._direction is None:
-            return f"The cell runs at {100 * self._rate:.3g} % of the currents: what eases it there?"
-        return f"It runs at {100 * self._rate:.3g} % of the currents: back towards all of them, in a gentler cell."
+            return f"{runs}: looking for the parameters that let it run at more."
+        return f"{runs}: back towards all of them, with those parameters changed."
 
     def ask(self, limit: int) -> list[Candidate]:
         """See `Continuation.ask`."""
@@ -149,7 +155,7 @@ class CurrentRateContinuation(Continuation):
         self._rounds += 1
         whole = [trial for trial in trials if trial.reduction is None and trial.residuals is not None]
         if whole:
-            # The first of two lies nearer the start, and so nearer the record as far as anybody knows.
+            # The first of two lies nearer the start, and so nearer the record as far as is known.
             self.found, self.over = whole[0], True
             return
         runs = not trials[0].failed

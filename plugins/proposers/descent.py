@@ -6,12 +6,13 @@ from typing import Literal, TypeGuard
 import numpy as np
 from pydantic import BaseModel, Field
 
-from ...core.comparison.residuals import noise_of_residuals, rms
+from ...core.comparison.residuals import noise_of_residuals
 from ...core.hooks import LowFidelityResiduals
 from ...core.inference.fit_settings import Settings
 from ...core.inference.least_squares import LeastSquares
 from ...core.inference.low_fidelity import LowFidelity
 from ...core.parameters import Candidate
+from ...core.rms import rms
 from ...core.run.answer import CLEARLY_ABOVE
 from ...core.task import Task
 from ...core.trajectory import FloatArray
@@ -219,7 +220,7 @@ class Descent:
             assert self._feasibility is not None
             return self._feasibility.ask()[:limit]
         self._search.plan()
-        if self._crawls() and self._may_restart(limit):
+        if self._is_stuck() and self._may_restart(limit):
             self._left_crawling = self._search
             return self._begin_again(planning_budget)
         points = [] if self._is_too_slow() else self._search.ask(planning_budget)
@@ -324,7 +325,7 @@ class Descent:
             return False
         return rms(search.residual) > self._suspicious and search.round_gain < _TOO_SLOW
 
-    def _crawls(self) -> bool:
+    def _is_stuck(self) -> bool:
         search = self._search
         if not _comes_to_another_jacobian(search) or self._polled:
             return False

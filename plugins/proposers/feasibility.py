@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...core.comparison.alignment import pair_steps
+from ...core.rms import rms
 from ...core.task import Task
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial
@@ -87,7 +88,7 @@ def progress(task: Task, trial: Trial) -> tuple[float, float]:
     """An order of failed trials: how far they got, to a hundredth, then how well what they finished matches."""
     share = round(reached(task, trial), 2)
     finished = None if trial.partial is None else trial.partial[np.isfinite(trial.partial)]
-    misfit = float(np.sqrt(np.mean(finished**2))) if finished is not None and finished.size else float("inf")
+    misfit = rms(finished) if finished is not None and finished.size else float("inf")
     return share, -misfit
 
 

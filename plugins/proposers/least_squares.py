@@ -56,7 +56,7 @@ def words(descent: Descent) -> str:
     if descent.status == "done":
         return descent.ending
     if descent.status == "restarting":
-        return "The fit is stuck far from the record: again from elsewhere."
+        return "The fit ended far from the record: it starts again from another point."
     if descent.jacobian_next:
         return "Finite differences: what does each parameter do here?"
     if descent.low_fidelity_next:

@@ -16,6 +16,7 @@ from ...core.inference.identifiability import residual_noise
 from ...core.inference.least_squares import LeastSquares
 from ...core.inference.low_fidelity import LowFidelity
 from ...core.parameters import Candidate
+from ...core.rms import rms
 from ...core.task import Task
 from ...core.task_reduction import TaskReduction
 from ...core.trajectory import FloatArray
@@ -32,7 +33,7 @@ misfit of a start says how wrong the start is, and priors that are weighed again
 
 SETTINGS = Settings(radius=2.0, noise=1.0, tolerance=5e-3, emulates=True)
 """Coordinates are in standard deviations of the priors, residuals in standard deviations of the misfit: beyond two of
-the former a linear picture of a cell is a guess, and a gain of one of the latter says nothing."""
+the former a linear model is inaccurate, and a gain of one of the latter says nothing."""
 
 _SHARE_OF_RANGE = 0.007
 """Finite difference of a parameter that has no deviation, as a share of its range."""
@@ -131,7 +132,7 @@ class Stage(ABC):
         """What the fit knows of itself, for the journal."""
         seen = self._seen(self._here)
         assert seen is not None
-        return {"misfit_tolerances": float(np.sqrt(np.mean(seen**2))), "noise_tolerances": self._noise}
+        return {"misfit_tolerances": rms(seen), "noise_tolerances": self._noise}
 
     def describe(self) -> str:
         """What is fitted to what, in a sentence."""

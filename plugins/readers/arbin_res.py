@@ -16,7 +16,7 @@ from ...core.record import ReadOptions
 from ...core.trajectory import FloatArray
 from .arrays import ArrayTable
 from .assembly import read_table
-from .source import MAX_BYTES, decoding, silence
+from .source import decoding, refuse_large, silence
 
 _SAMPLES, _AUXILIARY = "Channel_Normal_Table", "Auxiliary_Table"
 """Tables of the samples, and of what further inputs measured at them."""
@@ -54,8 +54,7 @@ class ArbinRes:
     def read(self, path: Path, options: ReadOptions) -> Samples:
         """Read the file; see `Reader.read`."""
         source = shown(path.name)
-        if path.stat().st_size > MAX_BYTES:
-            raise BsaError(f"{source} holds more than {MAX_BYTES // 2**20} MiB.", "export the record as CSV or .xlsx.")
+        refuse_large(path.stat().st_size, source, "export the record as CSV or .xlsx.")
         parser = require("access_parser", "readers", f"{source} (Arbin)")
         silence("access_parser")
         with decoding(source, "Arbin file that is understood", "export it as CSV or .xlsx from Arbin's Data Watcher."):

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,8 @@ class ArrayTable:
     header: tuple[str, ...]  # Names of the columns.
     # Numbers, texts or any objects; a cell that is None or blank is missing. Shape (n,).
     columns: Sequence[NDArray[Any]]
-    units: tuple[str, ...] | None = None  # Row of units beneath the header.
-    decimal_comma: bool = False  # Whether numbers that stand as text are written like ``3,7``.
+    units: ClassVar[tuple[str, ...] | None] = None  # There is no row of units; see `Table`.
+    decimal_comma: ClassVar[bool] = False
 
     def first(self, place: int) -> str:
         """The first cell of a column."""

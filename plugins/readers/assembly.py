@@ -4,7 +4,6 @@ import shlex
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +13,14 @@ from ...core.reading.clock import RESTART_S
 from ...core.reading.samples import Extra, Samples
 from ...core.record import ReadOptions
 from ...core.trajectory import FloatArray
+from .arrays import ArrayTable
 from .columns import EXTRA, Column, ambient_in, may_be_temperatures, named, resolve, unit_of
 from .dates import clock_s, elapsed_s, exchanged, is_clock_or_date, is_date, is_of_days, seconds_of
 from .impedance_columns import are_points, spectrum_columns
 from .several_cells import refuse_several_cells, telling_cells
 from .state_sign import NAMES as STATES
 from .state_sign import with_signs
-from .table import Numbers
+from .table import Numbers, Table
 
 _COULOMB = ("c", "coulomb", "as", "a.s")
 """Units of a charge in ampere seconds, folded."""
@@ -28,30 +28,8 @@ _COULOMB = ("c", "coulomb", "as", "a.s")
 _TAKEN = {"time": "s", "voltage": "V", "current": "A", "temperature": "degC"}
 
 
-class AnyTable(Protocol):
-    """A table of any kind of file."""
-
-    @property
-    def source(self) -> str:
-        """Printable name of the file."""
-
-    @property
-    def header(self) -> tuple[str, ...]:
-        """Names of the columns."""
-
-    @property
-    def units(self) -> tuple[str, ...] | None:
-        """Row of units beneath the header."""
-
-    @property
-    def decimal_comma(self) -> bool:
-        """Whether numbers that stand as text are written like ``3,7``."""
-
-    def first(self, place: int) -> str:
-        """The first cell of a column."""
-
-    def numbers(self, wanted: Mapping[int, str], where: Mapping[str, str], texts: Sequence[int] = ()) -> Numbers:
-        """Read columns; see `Table.numbers`."""
+AnyTable = Table | ArrayTable
+"""A table of any kind of file."""
 
 
 @dataclass(frozen=True)

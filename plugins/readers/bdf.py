@@ -12,14 +12,13 @@ from ...core.errors import BsaError
 from ...core.extras import require
 from ...core.files import replacing, write_text
 from ...core.printable import shown
-from ...core.reading.counters import drawn_between
 from ...core.reading.samples import Samples
 from ...core.record import ReadOptions, Record
-from ...core.trajectory import FloatArray, Trajectory
+from ...core.trajectory import SECONDS_PER_HOUR, FloatArray, Trajectory, drawn_between
 from .arrays import ArrayTable
 from .assembly import read_table
 from .generic_csv import GenericCsv, first_lines, is_text_table
-from .source import MAX_BYTES, decoding
+from .source import decoding, refuse_large
 
 _LABELS = re.compile(r"^(test time|voltage|current) / \S+$")
 _MACHINE = re.compile(r"^(test_time_(second|hour|minute)|voltage_(milli)?volt|current_(milli)?ampere)$")
@@ -51,8 +50,7 @@ class BdfParquet:
         parquet = require("pyarrow.parquet", "readers", f"{source} (Parquet)")
         with decoding(source, "Parquet file", "write it again."), parquet.ParquetFile(path) as file:
             groups = (file.metadata.row_group(k) for k in range(file.metadata.num_row_groups))
-            if sum(group.total_byte_size for group in groups) > MAX_BYTES:
-                raise BsaError(f"{source} holds more than {MAX_BYTES // 2**20} MiB.", "write fewer columns.")
+            refuse_large(sum(group.total_byte_size for group in groups), source, "write fewer columns.")
             table = file.read()
             header = tuple(str(name) for name in table.column_names)
             columns = [column.to_numpy() for column in table.columns]
@@ -95,10 +93,7 @@ def write(data: Record | Trajectory, path: Path, steps: bool = True) -> None:
     lines.extend(
         ",".join(map(repr, row)) for row in zip(*(values.tolist() for values in columns.values()), strict=True)
     )
-    try:
-        write_text(path, "\n".join(lines) + "\n")
-    except OSError as error:
-        raise BsaError(f"{shown(path)} cannot be written: {shown(error.strerror)}.", "choose another place.") from None
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def _to_write(trajectory: Trajectory) -> NDArray[np.bool_]:
@@ -110,7 +105,7 @@ def _to_write(trajectory: Trajectory) -> NDArray[np.bool_]:
 
 def _counters(trajectory: Trajectory) -> dict[str, FloatArray]:
     """The charge that passed in either direction, A.h: with it, a current is known between its samples too."""
-    drawn = drawn_between(trajectory.time, trajectory.current)
+    drawn = drawn_between(trajectory.time, trajectory.current) / SECONDS_PER_HOUR
     return {
         name: np.concatenate([[0.0], np.cumsum(np.maximum(passed, 0.0))])
         for name, passed in (("Charging Capacity / Ah", -drawn), ("Discharging Capacity / Ah", drawn))

@@ -6,19 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from ...core.errors import BsaError
 from ...core.extras import require
 from ...core.printable import shown
 from ...core.reading.samples import Samples
 from ...core.record import ReadOptions
 from ...core.spectrum import ImpedanceSpectrum
-from ...core.trajectory import FloatArray
+from ...core.trajectory import SECONDS_PER_HOUR, FloatArray
 from .arrays import ArrayTable
 from .assembly import read_table
 from .columns import signal_of
 from .impedance import spectrum_of
 from .impedance_columns import is_of_a_record, spectrum_columns
-from .source import MAX_BYTES, decoding
+from .source import decoding, refuse_large
 
 _TIME = "time/s"
 _CHARGE, _CHARGE_SINCE = "(Q-Qo)/mA.h", ("dq/mA.h", "dQ/mA.h")
@@ -45,8 +44,7 @@ class BioLogicMpr:
     def read(self, path: Path, options: ReadOptions) -> Samples | ImpedanceSpectrum:
         """Read the file; see `Reader.read`."""
         source = shown(path.name)
-        if path.stat().st_size > MAX_BYTES:
-            raise BsaError(f"{source} holds more than {MAX_BYTES // 2**20} MiB.", "export the record as text (.mpt).")
+        refuse_large(path.stat().st_size, source, "export the record as text (.mpt).")
         galvani = require("galvani", "biologic", f"{source} (BioLogic)")
         with decoding(source, "BioLogic file that is understood", "export it as text (.mpt) from EC-Lab."):
             file = galvani.BioLogic.MPRfile(str(path))
@@ -92,7 +90,7 @@ def _mean_current(time: FloatArray, charge: FloatArray) -> FloatArray:
     current = np.zeros(len(time))
     passed = np.flatnonzero(np.diff(time) > 0)
     if len(passed):
-        rate = 3600.0 * np.diff(charge)[passed] / np.diff(time)[passed]
+        rate = SECONDS_PER_HOUR * np.diff(charge)[passed] / np.diff(time)[passed]
         # The first interval with a duration that ends at the sample or after it; behind the last one, that one.
         after = np.searchsorted(passed + 1, np.arange(len(time)))
         current = rate[np.minimum(after, len(rate) - 1)]

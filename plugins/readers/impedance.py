@@ -25,8 +25,13 @@ from .source import load_text
 from .table import Numbers, find_table, no_column, split
 
 _HEAD_LINES = 120
+"""First lines of a file, among which the names of a spectrum's columns are looked for."""
+
 _SEPARATORS = "[;,\t]"
+
 _MIN_POINTS = 5
+"""A spectrum of fewer points is refused."""
+
 _OHM: Mapping[str, float] = {
     **dict.fromkeys(["ohm", "ohms", "ω"], 1.0),
     **dict.fromkeys(["mohm", "mohms", "mω", "milliohm"], 1e-3),

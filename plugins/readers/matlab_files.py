@@ -9,7 +9,7 @@ import numpy as np
 from ...core.errors import BsaError
 from ...core.extras import require
 from .matlab_depth import MOST, too_deep
-from .source import MAX_BYTES, decoding
+from .source import MAX_BYTES, decoding, refuse_large
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _HDF5_OFFSETS = (0, 512)
@@ -69,15 +69,14 @@ def _from_hdf5(path: Path, source: str) -> dict[str, Any]:
 
 
 class _Budget:
-    """How many bytes may still be read."""
+    """How many bytes were read; no more than `MAX_BYTES` may be."""
 
     def __init__(self, source: str) -> None:
-        self.left, self.source = MAX_BYTES, source
+        self.spent, self.source = 0, source
 
     def spend(self, size: int) -> None:
-        self.left -= size + 64  # each item costs something, so that no loop of references is endless
-        if self.left < 0:
-            raise BsaError(f"{self.source} holds more than {MAX_BYTES // 2**20} MiB.", "save fewer variables in it.")
+        self.spent += size + 64  # each item costs something, so that no loop of references is endless
+        refuse_large(self.spent, self.source, "save fewer variables in it.")
 
 
 def _fields(group: Any, budget: _Budget) -> dict[str, Any]:

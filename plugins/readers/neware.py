@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from ...core.errors import BsaError
 from ...core.extras import require
 from ...core.printable import shown
 from ...core.reading.samples import Samples
@@ -14,7 +13,7 @@ from ...core.record import ReadOptions
 from ...core.trajectory import FloatArray
 from .arrays import ArrayTable
 from .assembly import read_table
-from .source import MAX_BYTES, decoding, refuse_zip_bomb, silence
+from .source import MAX_BYTES, decoding, refuse_large, refuse_zip_bomb, silence
 
 _PAUSE_S = 2.0
 """Dates are written to the second: a step that begins later than this after the last one began after a pause, in s."""
@@ -32,8 +31,8 @@ class Neware:
         source = shown(path.name)
         if path.suffix.lower() == ".ndax":
             refuse_zip_bomb(path, source, "a Neware .ndax file", MAX_BYTES)
-        elif path.stat().st_size > MAX_BYTES:
-            raise BsaError(f"{source} holds more than {MAX_BYTES // 2**20} MiB.", "export the record as CSV.")
+        else:
+            refuse_large(path.stat().st_size, source, "export the record as CSV.")
         fastnda = require("fastnda", "readers", f"{source} (Neware)")
         silence("fastnda")
         with decoding(source, "Neware file that is understood", "export the record as CSV or xlsx from BTSDA."):

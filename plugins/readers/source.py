@@ -1,4 +1,4 @@
-"""The names and bytes of a file that nobody vouches for."""
+"""The names and bytes of a file from outside the program."""
 
 import gzip
 import logging
@@ -61,6 +61,12 @@ def _damaged(source: str, kind: str, hint: str, error: Exception) -> BsaError:
     return BsaError(f"{source} is no {kind}, or a damaged one ({type(error).__name__}{': ' * bool(said)}{said}).", hint)
 
 
+def refuse_large(size: int, source: str, hint: str) -> None:
+    """Raise `BsaError` for a file of more than `MAX_BYTES` bytes."""
+    if size > MAX_BYTES:
+        raise BsaError(f"{source} holds more than {MAX_BYTES // 2**20} MiB.", hint)
+
+
 def refuse_zip_bomb(path: Path, source: str, kind: str, most: int) -> None:
     """Look at the sizes that the parts of a zip archive declare, which is all that is unpacked of them.
 
@@ -118,10 +124,7 @@ def load_text(path: Path) -> tuple[str, list[str]]:
         raise BsaError(f"{name} is a damaged gzip file ({shown(error)}).", "download or compress it again.") from None
     except OSError as error:
         raise BsaError(f"{name} cannot be read: {shown(error.strerror)}.", "check the path and its rights.") from None
-    if len(data) > MAX_BYTES:
-        raise BsaError(
-            f"{name} holds more than {MAX_BYTES // 2**20} MiB.", "cut it into smaller files, or thin it out first."
-        )
+    refuse_large(len(data), name, "cut it into smaller files, or thin it out first.")
     if not data.strip():
         raise BsaError(f"{name} is empty.", "export the record again.")
     return _decoded(data, name)

@@ -1,7 +1,6 @@
 """Each parameter alone: what a model need not be asked for."""
 
 from ...core.hooks import NoOptions, ProposeContext, RunContext, hookimpl
-from ...core.parameters import Parameter
 from ...core.proposal import Proposal
 
 
@@ -15,16 +14,9 @@ class EachAloneWarmUp:
     def warm_up(self, context: ProposeContext) -> Proposal:
         """See `RunHooks.warm_up`; with fewer simulations than parameters the last ones are left out."""
         start = context.best.candidate
-        candidates = [{**start, one.name: _moved(one, start[one.name])} for one in context.task.space]
+        candidates = [{**start, one.name: one.a_step_aside(start[one.name])} for one in context.task.space]
         return Proposal(
             tuple(candidates[: context.simulations_left]),
             rationale="Each parameter alone, by a step.",
             action="warm-up",
         )
-
-
-def _moved(parameter: Parameter, value: float) -> float:
-    """The value a step higher, or lower where there is more room."""
-    steps = parameter.in_steps(value)
-    rises = parameter.in_steps(parameter.upper) - steps >= min(1.0, steps - parameter.in_steps(parameter.lower))
-    return parameter.project(parameter.at_steps(steps + (1.0 if rises else -1.0)))

@@ -18,6 +18,7 @@ from ..agent.updates import apply_updates, updates_schema
 from .random import RandomWarmUp, RandomWarmUpOptions
 
 _MEMORY_BUDGET = 4500
+"""Characters that each memory may take in the prompt: the default of `AgentOptions`."""
 
 
 class ProposedWarmUp:

@@ -66,6 +66,7 @@ def test_a_price_may_be_unknown() -> None:
         (Reply(None), "Reply.text = None, not a str"),  # type: ignore[arg-type]
         (Reply("", model=7), "Reply.model = 7 (int), not a str"),  # type: ignore[arg-type]
         (Reply("", usage={"tokens": 1}), "Reply.usage = "),  # type: ignore[arg-type]
+        (Reply("", None), "Reply.usage = None, not a Usage"),  # type: ignore[arg-type]
         (Reply("", Usage(-1)), "Usage.prompt_tokens = -1, which is negative"),
         (Reply("", Usage(cost_usd=float("nan"))), "Usage.cost_usd = nan, which is not a finite number"),
         (Reply("", structured_by="magic"), "Reply.structured_by = 'magic'"),  # type: ignore[arg-type]

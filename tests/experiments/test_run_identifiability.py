@@ -29,7 +29,7 @@ def test_the_hidden_cell_lies_inside_the_intervals(tmp_path: Path) -> None:
     first, *_, last = analysis.measure_next
     assert first.name in ("discharge at 2C", "pulses of 1C with rests")
     assert last.name == "slow discharge at C/20"
-    assert first.forecast.worst_share < 0.7 * intervals[analysis.worst].share_of_range
+    assert first.worst_share_of_range < 0.7 * intervals[analysis.worst].share_of_range
     report = (tmp_path / "report.html").read_text()
     assert "What the record fixes" in report
     assert first.name in report

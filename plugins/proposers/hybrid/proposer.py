@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from ....core.hooks import ProposeContext, RunContext, hookimpl
@@ -211,8 +212,9 @@ class HybridProposer:
             self._agent_search = self._search_from(trial, main_fit, count, allowance)
         elif main_fit.base is not None:
             free = None
-            if action.kind == "refine":
+            if action.parameters:
                 free = np.array([name in action.parameters for name in self._space.names])
+            if action.kind == "refine":
                 self._agent_search = AgentSearch(
                     self._space,
                     self._space.to_unit(main_fit.base.candidate),
@@ -222,8 +224,8 @@ class HybridProposer:
                     free,
                 )
             else:
-                count = max(count, len(self._space) + 3)
-                self._agent_search = self._search_from(main_fit.base, main_fit, count, allowance)
+                count = max(count, self._differences(free) + 3)
+                self._agent_search = self._search_from(main_fit.base, main_fit, count, allowance, free)
         return []
 
     def _continuation(self, action: Action, context: ProposeContext, count: int) -> Continuation:
@@ -238,13 +240,25 @@ class HybridProposer:
         rates = (action.rate, *(lower for lower in LOWERED if lower < action.rate))
         return CurrentRateContinuation(self._space, point, gentle_direction(context.task), rates)
 
-    def _search_from(self, start: Trial, main_fit: Descent, count: int, allowance: int) -> AgentSearch:
-        """From a trial, with derivatives of its own where the allowance covers them."""
-        fresh = allowance > len(self._space) + 1
-        count = max(count, len(self._space) + 2) if fresh else count
+    def _search_from(
+        self,
+        start: Trial,
+        main_fit: Descent,
+        count: int,
+        allowance: int,
+        free: NDArray[np.bool_] | None = None,
+    ) -> AgentSearch:
+        """From a trial, with derivatives of its own where the allowance covers them; ``free`` is what may move."""
+        differences = self._differences(free)
+        fresh = allowance > differences + 1
+        count = max(count, differences + 2) if fresh else count
         jacobian = None if fresh else _jacobian(main_fit)
         point = self._space.to_unit(start.candidate)
-        return AgentSearch(self._space, point, min(count, allowance), start.residuals, jacobian)
+        return AgentSearch(self._space, point, min(count, allowance), start.residuals, jacobian, free)
+
+    def _differences(self, free: NDArray[np.bool_] | None) -> int:
+        """How many simulations derivatives take."""
+        return len(self._space) if free is None else int(np.count_nonzero(free))
 
     def _proposal(
         self,

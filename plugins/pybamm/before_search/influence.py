@@ -1,6 +1,6 @@
 """Which parameters a model does not depend on: what is searched of them tells nothing, and costs simulations."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from ....core.target import DiffusivityShape, Factor, OcpShape, Target, Value
@@ -48,20 +48,6 @@ def _input(name: str, target: Target) -> str:
 def _inputs_in(model: Any) -> set[str]:
     equations = (model.concatenated_rhs, model.concatenated_algebraic, model.concatenated_initial_conditions)
     outputs = (model.variables[name] for name in _OUTPUTS)
-    return _input_names([*equations, *outputs, *(event.expression for event in model.events)])
-
-
-def _input_names(symbols: Iterable[Any]) -> set[str]:
-    """The inputs in expressions, each part of which is visited once, however often it occurs."""
-    found: set[str] = set()
-    seen: set[int] = set()
-    waiting = list(symbols)
-    while waiting:
-        symbol = waiting.pop()
-        if id(symbol) in seen:
-            continue
-        seen.add(id(symbol))
-        if isinstance(symbol, pybamm.InputParameter):
-            found.add(symbol.name)
-        waiting.extend(symbol.children)
-    return found
+    symbols = [*equations, *outputs, *(event.expression for event in model.events)]
+    found = pybamm.SymbolUnpacker(pybamm.InputParameter).unpack_list_of_symbols(symbols)
+    return {parameter.name for parameter in found}

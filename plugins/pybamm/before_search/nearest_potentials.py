@@ -11,6 +11,7 @@ from scipy.optimize import least_squares
 
 from ....core.errors import BsaError, unknown
 from ....core.reading.open_circuit import OpenCircuitCurve
+from ....core.rms import rms
 from ....core.target import CellChange, ocp_name
 from ....core.task import NEAREST, ParameterFile, ParameterSource
 from ....core.trajectory import FloatArray
@@ -152,7 +153,7 @@ def _balanced(
     ]
     best = min(fits, key=lambda fit: float(fit.cost))
     full_n, empty_n, full_p, empty_p, _ = (float(value) for value in best.x)
-    rms_v = unit * float(np.sqrt(np.mean(best.fun[:-1] ** 2)))
+    rms_v = unit * rms(best.fun[:-1])
     return rms_v, 2.0 * float(best.cost), {"Negative": (full_n, empty_n), "Positive": (full_p, empty_p)}
 
 

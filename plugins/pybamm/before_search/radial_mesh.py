@@ -13,11 +13,14 @@ import numpy as np
 
 from ....core.discovery.observations import after_jumps
 from ....core.discovery.simulator import MeasuredRecord
+from ....core.rms import rms
 from ....core.task import CellModel
 from ....core.thinning import evenly
 from ....core.trajectory import FloatArray
+from ..modelling.compiled_cell import Start
 from ..modelling.resolution import Resolution
 from ..solving.driven_cell import FINE, SEARCH, DrivenCell
+from .uncertain_parameters import UNKNOWN_SOC
 
 _USUAL = SEARCH.mesh()["r_n"]
 _POINTS = (_USUAL, 2 * _USUAL, 4 * _USUAL)
@@ -25,7 +28,7 @@ _SHIFT_V = 1e-2
 """What twice as many points may change, V: less is corrected for after the base fit."""
 
 _SAMPLES = 400
-_UNKNOWN_SOC = 0.9
+"""Samples of the record, at most, at which the voltages of two meshes are compared."""
 
 
 @dataclass(frozen=True)
@@ -62,17 +65,18 @@ def radial_mesh(
 
     The record with the strongest current is driven on the base model as it is believed, with twice as many radial
     points each time until the voltage moves by less than 10 mV (root mean square). ``soc`` is, by record, its initial
-    state of charge; 0.9 for those not named.
+    state of charge; `UNKNOWN_SOC` for those not named.
     """
     hardest = max(measured_records, key=lambda measured_record: float(np.max(np.abs(measured_record.record.current))))
     kept = evenly(len(hardest.record.time), _SAMPLES)
     times, current = after_jumps(hardest.record)[kept], hardest.record.current[kept]
-    start = (soc or {}).get(hardest.name, _UNKNOWN_SOC)
+    start = (soc or {}).get(hardest.name, UNKNOWN_SOC)
+    temperatures = Start(temperature_k=hardest.ambient_k, initial_temperature_k=hardest.initial_k)
 
     def voltage(points: int) -> FloatArray | None:
         """NaN where the cell was empty or overfull."""
         resolution = replace(SEARCH, radial_points=points)
-        driven = DrivenCell(cell, (), hardest.record, {}, hardest.ambient_k, resolution, initial_k=hardest.initial_k)
+        driven = DrivenCell(cell, (), hardest.record, {}, temperatures, resolution)
         curve = driven.solve({}, times, current, start)
         return None if curve is None else np.where(driven.within_limits(curve.voltage), curve.voltage, np.nan)
 
@@ -83,7 +87,7 @@ def radial_mesh(
         if coarse is None or fine is None:
             break
         both = np.isfinite(coarse) & np.isfinite(fine)
-        shifts.append(float(np.sqrt(np.mean((fine - coarse)[both] ** 2))) if both.any() else np.inf)
+        shifts.append(rms((fine - coarse)[both]) if both.any() else np.inf)
         if shifts[-1] < _SHIFT_V:
             break
         chosen, coarse = finer, fine

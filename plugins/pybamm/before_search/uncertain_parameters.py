@@ -27,6 +27,9 @@ radii and thicknesses are left out: in these models a radius acts through ``D / 
 thickness through the capacity and the electrolyte's resistance, all of which are here.
 """
 
+UNKNOWN_SOC = 0.9
+"""State of charge at which a record is taken to start where nothing tells it."""
+
 _ELECTROLYTE = "Electrolyte"
 
 _CAPACITY = (
@@ -77,7 +80,7 @@ def uncertain_parameters(
     ]
     starts = soc or {}
     states = [
-        Parameter(s.soc_name, starts.get(s.name, 0.9), 0.0, 1.08, target=InitialSoc(s.name), deviation=0.02)
+        Parameter(s.soc_name, starts.get(s.name, UNKNOWN_SOC), 0.0, 1.08, target=InitialSoc(s.name), deviation=0.02)
         for s in measured_records
     ]
     offsets = [offset for offset in map(current_offset, measured_records) if offset is not None]

@@ -12,6 +12,7 @@ from ....core.task import ParameterFile, ParameterSource
 from ..cells.ocp_shape import ELECTRODES
 from ..cells.parameter_files import as_json
 from ..cells.parameter_sets import bake, load, pybamm
+from ..cells.state_of_charge import maximum_concentration
 from .nearest_potentials import published_potentials
 
 _DEVIATIONS = 3.0
@@ -84,7 +85,7 @@ def _diffusion(which: str) -> Callable[[Any], float]:
 
 def _reaction(which: str) -> Callable[[Any], float]:
     def rate(values: Any) -> float:
-        highest = float(values[f"Maximum concentration in {which.lower()} electrode [mol.m-3]"])
+        highest = float(values[maximum_concentration(which)])
         name = f"{which} electrode exchange-current density [A.m-2]"
         density = _number(values, name, _USUAL_CONCENTRATION, 0.5 * highest, highest)
         radius = float(values[f"{which} particle radius [m]"])

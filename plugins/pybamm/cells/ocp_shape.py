@@ -98,11 +98,7 @@ def keeping_ocp_falling(values: Any, targets: Mapping[str, Target]) -> Callable[
     """`OcpCurves.falling` of a set where a potential's shape is searched; else what changes nothing."""
     if any(isinstance(target, OcpShape) for target in targets.values()):
         return OcpCurves(values).falling
-    return _as_it_is
-
-
-def _as_it_is(change: CellChange) -> CellChange:
-    return change
+    return lambda change: change
 
 
 def _by_stoichiometry(heights: Mapping[OcpShape, Any], which: str) -> dict[float, Any]:

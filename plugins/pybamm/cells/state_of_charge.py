@@ -13,17 +13,12 @@ from .ocp_shape import ELECTRODES, GRID, OcpCurves
 from .parameter_sets import bake, load, pybamm
 
 
-def soc_at_voltage(cell: CellModel, voltage: float, temperature_k: float | None = None) -> float:
-    """The state of charge at which the cell's open-circuit voltage is ``voltage``, kept within 0 to 1.
-
-    That of `InitialState`, from which simulations start; only the cell's parameter values matter. The voltage is that
-    at a temperature, left out at the set's initial one.
-    """
-    return socs_at_voltages(cell, [voltage], temperature_k)[0]
-
-
 def socs_at_voltages(cell: CellModel, voltages: Sequence[float], temperature_k: float | None = None) -> list[float]:
-    """`soc_at_voltage` of several voltages."""
+    """The states of charge at which the cell's open-circuit voltage is each of the voltages, kept within 0 to 1.
+
+    Those of `InitialState`, from which simulations start; only the cell's parameter values matter. The voltages are
+    those at a temperature, left out at the set's initial one.
+    """
     values = load(cell.parameter_set, cell.overrides)
     if temperature_k is not None:
         values.update({"Initial temperature [K]": temperature_k})

@@ -24,13 +24,12 @@ from ..cells.state_of_charge import InitialState, changed_values
 from ..modelling import drive
 from ..modelling.compiled_cell import added_potentials, start_of
 from ..modelling.resolution import REFERENCE
+from ..solving import compiled, driven_cell
 from ..solving.spectrum_experiment import DOUBLE_LAYERS
 from ..solving.step_solutions import step_kind
 from .quoted_effects import quoted
 
 _TEMPLATE = "best_parameters.py.j2"
-
-_MAX_SOLVER_STEPS = 20_000
 
 _BRACKETS = {dict: ("{", "}"), list: ("[", "]"), tuple: ("(", ")")}
 _LINE = 80
@@ -81,7 +80,7 @@ def script(
         resolution=REFERENCE.graded(),
         rtol=REFERENCE.rtol,
         atol=REFERENCE.atol,
-        max_solver_steps=_MAX_SOLVER_STEPS,
+        max_solver_steps=max(compiled.MAX_STEPS, driven_cell.MAX_STEPS),
         cut_offs=cut_offs,
     )
 

@@ -235,7 +235,7 @@ def _knots(time: FloatArray, current: FloatArray, kind: str) -> tuple[FloatArray
 
 
 def _only_noise(current: FloatArray) -> bool:
-    """Whether neighbours differ as much as strangers do: a constant current read by a noisy meter."""
+    """Whether neighbours differ as much as samples far apart do: a constant current read by a noisy meter."""
     middle = current[1:-1]
     if len(middle) < 8:
         return False

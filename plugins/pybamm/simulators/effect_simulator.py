@@ -15,6 +15,7 @@ from ....core.target import Target
 from ....core.task import CellModel
 from ....core.trajectory import StepKind
 from ..augmentation import part_of
+from ..modelling.compiled_cell import Start
 from ..modelling.resolution import Resolution
 from ..solving.driven_cell import FINE, SEARCH, Curve, DrivenCell
 
@@ -109,10 +110,9 @@ class EffectSimulator:
         try:
             first, *others = (one.record for one in group)
             resolution = self._resolution(measured_record, fine)
-            cell, ambient_k, initial_k = self._cells[low_fidelity], measured_record.ambient_k, measured_record.initial_k
-            driven = DrivenCell(
-                cell, effects, first, self._targets, ambient_k, resolution, others=others, initial_k=initial_k
-            )
+            cell = self._cells[low_fidelity]
+            start = Start(temperature_k=measured_record.ambient_k, initial_temperature_k=measured_record.initial_k)
+            driven = DrivenCell(cell, effects, first, self._targets, start, resolution, others=others)
             cells = [driven, *(driven.on_other(place) for place in range(len(others)))]
         except BsaError as error:
             if not effects and not low_fidelity:

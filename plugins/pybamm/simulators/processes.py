@@ -4,6 +4,7 @@ import multiprocessing
 import queue
 import signal
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -22,6 +23,9 @@ Answer = TypeVar("Answer", covariant=True)
 
 START_LIMIT_S = 300.0
 """Extra time for a worker's first job, before which it imports PyBaMM and compiles models."""
+
+_STARTING = threading.Lock()
+"""Held while a worker starts: what it inherits stands in the process's environment meanwhile, and is put back after."""
 
 Report = Callable[[Any], None]
 """Tells the parent how far a job has come."""
@@ -108,7 +112,7 @@ class Worker(Generic[Job, Answer]):
             return
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
-        with interrupts_wait(), one_thread_for_children(), _script_left_out():
+        with interrupts_wait(), _STARTING, one_thread_for_children(), _script_left_out():
             self._process = context.Process(target=serve, args=(theirs, self._service, in_main_thread()), daemon=True)
             self._process.start()
             theirs.close()
@@ -239,7 +243,7 @@ class Pool(Generic[Job, Answer]):
                 yield worker, worker.give_up()[0]
 
     def close(self) -> None:
-        """End all processes, whoever waits for them."""
+        """End all processes, also while other threads wait for them."""
         self._closed = True
         for worker in self.workers:
             worker.stop()

@@ -5,23 +5,12 @@ import threading
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
-from ....core.effect import Effect
+from ....core.discovery.simulator import AnyRequest
 from ....core.errors import BsaError
 from .processes import Pool, Report
 
-
-class Asks(Protocol):
-    """A request."""
-
-    @property
-    def effects(self) -> tuple[Effect, ...]:
-        """What is added to the base model."""
-        ...
-
-
-Asked = TypeVar("Asked", bound=Asks)
 Given = TypeVar("Given")
 
 
@@ -63,7 +52,7 @@ class RequestService(ABC):
         return _Answer(None, {})
 
 
-class RequestPool(Generic[Asked, Given]):
+class RequestPool(Generic[AnyRequest, Given]):
     """Simulates in worker processes, each request with a time limit, s; see `Answering`."""
 
     has_low_fidelity = False
@@ -76,7 +65,7 @@ class RequestPool(Generic[Asked, Given]):
         self.refused: dict[str, str] = {}  # Effects that PyBaMM could not build, and why.
         self.simulations = 0
 
-    def predict(self, requests: Sequence[Asked]) -> list[Given | None]:
+    def predict(self, requests: Sequence[AnyRequest]) -> list[Given | None]:
         """Simulate side by side; see `Answering.predict`.
 
         Raises `BsaError` if an effect cannot be sent to another process.
@@ -97,11 +86,11 @@ class RequestPool(Generic[Asked, Given]):
             ) from None
         return [answers[place].given for place in range(len(jobs))]
 
-    def _job(self, request: Asked) -> Any:
+    def _job(self, request: AnyRequest) -> Any:
         """The request as it is sent."""
         # Whether records can show an effect was asked before; the function that says so need not be sent.
         effects = tuple(replace(effect, lacks=None) for effect in request.effects)
-        return replace(request, effects=effects)  # type: ignore[type-var]
+        return replace(request, effects=effects)
 
     def close(self) -> None:
         """End all processes."""

@@ -18,6 +18,9 @@ from ..modelling.resolution import SEARCH, Resolution
 from .last_moments import last_moments, nearest_limit
 from .step_solutions import Unfinished, keep_solver_steps_of_holds, to_trajectory
 
+MAX_STEPS = 20_000
+"""Steps after which the integrator gives up."""
+
 
 class CompiledExperiment:
     """A protocol, ready to be simulated for many candidates without a rebuild.
@@ -40,9 +43,9 @@ class CompiledExperiment:
         refuse_current_effects(cell)
         self.cell = CompiledCell(cell, targets, start_of(experiment), resolution, baked, effects)
         self.steps = drive.steps_of_protocol(experiment.protocol)
-        # A near-singular candidate can spin for minutes: a sound solve advances faster than this even
+        # A near-singular candidate can take minutes without progress: a sound solve advances faster than this even
         # while it settles after a jump of the current.
-        options = {"max_num_steps": 20_000, "num_steps_no_progress": 200, "t_no_progress": 1e-2}
+        options = {"max_num_steps": MAX_STEPS, "num_steps_no_progress": 200, "t_no_progress": 1e-2}
         self.simulation = self.cell.simulation(
             self.cell.solver(options),
             experiment=pybamm.Experiment([tuple(cycle) for cycle in self.steps], period="30 seconds"),

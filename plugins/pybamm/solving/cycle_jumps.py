@@ -30,6 +30,8 @@ _SETTLING = 2
 """Cycles after a change of protocol in which the state still settles, and shows no steady change."""
 
 _FIRST_LEFT_OUT = 4
+"""Cycles that the first jump leaves out at most, before the error of a prediction is known."""
+
 _MOST_GROWTH, _SAFETY = 2.5, 0.9
 """Largest growth of the step length and safety factor, as in any step control; the prediction is of third order."""
 

@@ -27,6 +27,9 @@ from .output_times import output_times
 _NEVER = (1e12, 1e12)
 """A pause that never comes, s."""
 
+MAX_STEPS = 30_000
+"""Steps after which the integrator gives up."""
+
 _T_NO_PROGRESS_S = 10.0
 """A solve that advances less than this in 400 steps has failed, s."""
 
@@ -112,14 +115,12 @@ class DrivenCell:
         Supplies the current; cut into steps.
     targets : mapping of str to Target
         What a candidate sets of the base parameters, by the names that it uses.
-    temperature_k : float or None
-        Ambient temperature; None keeps the set's.
     start : Start, optional
-        Where the record begins, for `follow`; `solve` is told at each call.
+        The temperatures, and where the record begins for `follow`; left out, those of the parameter set.
     others : sequence of Trajectory
         Further records whose currents the compiled cell can follow; see `on_other`.
-    initial_k : float or None
-        Temperature of the cell at the start; None for the ambient one.
+    any_start : bool
+        Whether `solve` is told a state of charge at each call.
 
     Attributes
     ----------
@@ -133,33 +134,23 @@ class DrivenCell:
         effects: Sequence[Effect],
         record: Trajectory,
         targets: Mapping[str, Target],
-        temperature_k: float | None = None,
-        resolution: Resolution = SEARCH,
         start: Start | None = None,
+        resolution: Resolution = SEARCH,
         baked: CellChange | None = None,
         others: Sequence[Trajectory] = (),
-        initial_k: float | None = None,
+        any_start: bool = True,
     ) -> None:
         self._effects = tuple(effects)
         self._records = (record, *others)
         self._drives = [current_function(one) for one in self._records]
         joined, self._delays = one_after_another(self._drives)
-        self._cell = CompiledCell(
-            cell,
-            targets,
-            start or Start(temperature_k=temperature_k, initial_temperature_k=initial_k),
-            resolution,
-            baked,
-            effects,
-            joined,
-            any_start=start is None,
-        )
+        self._cell = CompiledCell(cell, targets, start or Start(), resolution, baked, effects, joined, any_start)
         self._drive_by(0)
         self.heats = self._cell.heats
         self._model = self._cell.built_model()
-        # A near-singular candidate can spin for minutes and fill the memory with its steps: one that crawls has failed.
+        # A near-singular candidate can take minutes without progress and fill the memory with its steps: it has failed.
         options: dict[str, Any] = {
-            "max_num_steps": 30_000,
+            "max_num_steps": MAX_STEPS,
             "num_steps_no_progress": 400,
             "t_no_progress": _T_NO_PROGRESS_S,
             # Potentials follow the current at once: their error test would cut the steps behind every jump to a

@@ -37,7 +37,7 @@ class DrivenExperiment:
         self._record = experiment.target
         self._times = after_jumps(self._record)
         self._driven = DrivenCell(
-            cell, (), self._record, targets, resolution=resolution.graded(), start=start_of(experiment), baked=baked
+            cell, (), self._record, targets, start_of(experiment), resolution.graded(), baked, any_start=False
         )
 
     def solve(self, candidate: Candidate, on_step: Callable[[str, int], None] | None = None) -> ExperimentRun:

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 from bsa.core.cell import CURRENT, TEMPERATURE, VOLTAGE
-from bsa.core.comparison.residuals import noise_of_residuals, residuals, rms, rows_of
+from bsa.core.comparison.residuals import noise_of_residuals, residuals, rows_of
 from bsa.core.parameters import Parameter, ParameterSpace
+from bsa.core.rms import rms
 from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory

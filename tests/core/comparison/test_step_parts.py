@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from bsa.core.cell import VOLTAGE
 from bsa.core.comparison.alignment import StepPair, pair_steps
-from bsa.core.comparison.residuals import residuals, rms, rows_of
+from bsa.core.comparison.residuals import residuals, rows_of
 from bsa.core.comparison.step_parts import count_of_parts, step_parts
 from bsa.core.parameters import Parameter, ParameterSpace
+from bsa.core.rms import rms
 from bsa.core.simulation import ExperimentRun, Outcome
 from bsa.core.task import CellModel, Experiment, Task, Weight
 from bsa.core.trajectory import Step, StepKind, Trajectory

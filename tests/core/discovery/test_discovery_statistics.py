@@ -140,6 +140,12 @@ def test_agreement_of_neighbours_is_seen_where_size_is_not():
     assert not found.adequate
 
 
+def far_reaching(fit, mark, bounds):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("bsa.core.discovery.score._REACH", 1e3)
+        return score_effect(fit, mark, bounds)
+
+
 @settings(max_examples=60)
 @given(st.integers(0, 10_000), st.floats(0.3, 5.0), st.sampled_from([-1.0, 1.0]))
 def test_the_score_recovers_size_and_sign_behind_parameters(seed, size, sign):
@@ -149,7 +155,7 @@ def test_the_score_recovers_size_and_sign_behind_parameters(seed, size, sign):
     # residual = data - model falls as the strength rises by what the mark says
     residual = -sign * size * mark - jacobian @ rng.normal(size=4)
     fit = Refit(space(4), np.zeros(4), residual, jacobian, True)
-    score = score_effect(fit, mark, (0.0, 100.0), reach=1e3)
+    score = far_reaching(fit, mark, (0.0, 100.0))
     assert np.sign(score.z) == sign
     if sign > 0:
         assert score.amplitude == pytest.approx(size, rel=1e-3)
@@ -166,7 +172,7 @@ def test_what_parameters_imitate_has_no_score(seed):
     jacobian = rng.normal(size=(80, 3))
     mark = jacobian @ rng.normal(size=3)
     fit = Refit(space(3), np.zeros(3), rng.normal(size=80), jacobian, True)
-    score = score_effect(fit, mark, (0.0, 10.0), reach=1e3)
+    score = far_reaching(fit, mark, (0.0, 10.0))
     assert abs(score.z) < 1e-2 or score.gain < 1e-3
 
 

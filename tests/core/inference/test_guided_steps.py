@@ -19,7 +19,7 @@ class Promising(GuidedSteps):
     def _least(self, point: FloatArray, residual: FloatArray, cost: float) -> tuple[FloatArray, float] | None:
         return (point + self._reach, 10.0) if self.knows else None
 
-    def _led_astray(self, residual: FloatArray | None, gained: float) -> bool:
+    def _mispredicted(self, residual: FloatArray | None, gained: float) -> bool:
         return gained <= 0
 
 
@@ -61,7 +61,7 @@ def test_a_step_must_gain_its_share_of_the_cost() -> None:
     assert asked(steps, cost=60.0) is None
 
 
-def test_steps_get_shorter_where_one_led_astray_and_longer_again_up_to_the_radius() -> None:
+def test_steps_get_shorter_where_one_mispredicted_and_longer_again_up_to_the_radius() -> None:
     steps = Promising(0.5, patience=9)
     reaches = []
     for gained in (-1.0, 5.0, 5.0, 5.0):

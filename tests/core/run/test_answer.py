@@ -1,9 +1,10 @@
 from dataclasses import replace
 
 import numpy as np
-from bsa.core.comparison.residuals import noise_of_residuals, rms
+from bsa.core.comparison.residuals import noise_of_residuals
 from bsa.core.comparison.signal_metrics import SignalMetrics
 from bsa.core.feedback import Feedback
+from bsa.core.rms import rms
 from bsa.core.run.answer import answer
 from bsa.core.task import Task
 from bsa.core.trial import Trial

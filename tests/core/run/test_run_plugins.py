@@ -139,6 +139,9 @@ def test_plain_plugins_pass() -> None:
 
 
 FAILED = ExperimentRun(None, SimulationFailure("gave up"))
+CUT = ExperimentRun(None, SimulationFailure("gave up", unfinished=1))  # type: ignore[arg-type]
+AT_LIMIT = replace(GOOD.runs[0], at_limit=(3.0, 7.0))
+LASTING = replace(GOOD.runs[0], at_limit=((3.0, float("inf")),))
 UNCUT = Trajectory(*([0.0, 1.0],) * 3)  # type: ignore[arg-type]
 
 SIMULATORS: dict[str, tuple[Any, str]] = {
@@ -158,6 +161,9 @@ SIMULATORS: dict[str, tuple[Any, str]] = {
     "no steps": ([(0, Outcome((ExperimentRun(UNCUT),)))], "a trajectory without steps"),
     "no voltage": ([(0, Outcome((ExperimentRun(Trajectory(UNCUT.time, UNCUT.current)),)))], 'without "voltage"'),
     "no samples": ([(0, Outcome((ExperimentRun(UNCUT.slice(0, 0)),)))], "an empty trajectory"),
+    "unfinished": ([(0, Outcome((CUT,)))], "SimulationFailure.unfinished = 1 (int), not a bool"),
+    "no periods": ([(0, Outcome((AT_LIMIT,)))], "ExperimentRun.at_limit = (3.0, 7.0), not a tuple of pairs"),
+    "no end": ([(0, Outcome((LASTING,)))], "a time of ExperimentRun.at_limit = inf, which is not a finite number"),
     "no seconds": ([(0, replace(GOOD, seconds=float("nan")))], "Outcome.seconds = nan, which is not a finite number"),
 }
 
@@ -212,6 +218,7 @@ PROPOSALS: dict[str, tuple[Any, str]] = {
     "no hypothesis": (Proposal((), None), "Proposal.hypothesis = None, not a str"),  # type: ignore[arg-type]
     "details": (Proposal((), details={"f": object()}), "Proposal.details that is no JSON"),
     "finished": (Proposal((), finished="yes"), "Proposal.finished = 'yes' (str), not a bool"),  # type: ignore[arg-type]
+    "by simulations": (Proposal((), by_simulations=1), "Proposal.by_simulations = 1 (int), not a bool"),  # type: ignore[arg-type]
     "no reason": (Proposal(()), "a Proposal without candidates and without a reason"),
     "reductions": (Proposal((SPACE.initial,), reductions=(None, None)), "Proposal.reductions"),
 }

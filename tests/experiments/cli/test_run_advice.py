@@ -7,7 +7,6 @@ from types import SimpleNamespace
 
 import pytest
 from bsa.core.cell import CELL
-from bsa.core.inference.forecast import Forecast
 from bsa.core.inference.identifiability import Identifiability, Interval
 from bsa.core.inference.measure_next import Suggestion
 from bsa.core.inference.post_fit_analysis import PostFitAnalysis
@@ -71,8 +70,8 @@ def test_the_end_names_a_stage_that_lacked_simulations(run_toy, tmp_path, capsys
 
 def analysis(worst_share: float) -> PostFitAnalysis:
     found = Identifiability({WIDE: Interval(0.1, 0.0, 0.3, 0.5, "open")}, (), (), 1.0, 40)
-    forecast = Forecast("C/20 discharge", WIDE, worst_share, {WIDE: worst_share})
-    return PostFitAnalysis(0, found, worst=WIDE, measure_next=(Suggestion("C/20 discharge", (), 20.0, forecast),))
+    suggestion = Suggestion("C/20 discharge", (), 20.0, WIDE, worst_share, {WIDE: worst_share})
+    return PostFitAnalysis(0, found, worst=WIDE, measure_next=(suggestion,))
 
 
 def test_advice_is_given_only_where_it_helps() -> None:

@@ -18,6 +18,7 @@ from bsa.experiments.discovery_bench.hidden_physics import EFFECTS, HiddenEffect
 from bsa.experiments.discovery_bench.making import DESCRIPTION, make_cases, unseal
 from bsa.experiments.discovery_bench.protocols import Step
 from bsa.experiments.discovery_bench.simulated_case import simulated
+from bsa.plugins.pybamm.modelling.compiled_cell import Start
 from bsa.plugins.pybamm.modelling.resolution import Resolution
 from bsa.plugins.pybamm.solving.driven_cell import DrivenCell
 
@@ -114,7 +115,7 @@ def test_six_cycles_sampled_once_a_minute_do_not_drift():
     record, exact = measure(hidden, [Step(0.0, 300.0), *CYCLE * 6], 0.9, 298.15, np.random.default_rng(0))
     record = segment(record)
     cell = CellModel("Mohtat2020", "SPMe")
-    curve = DrivenCell(cell, (), record, {}, 298.15).solve({}, record.time, record.current, 0.9)
+    curve = DrivenCell(cell, (), record, {}, Start(temperature_k=298.15)).solve({}, record.time, record.current, 0.9)
     assert curve is not None
     assert np.max(np.abs(record.voltage - exact)) <= 0.5e-4 + 1e-9
     error = np.abs(curve.voltage - record.voltage)
@@ -155,7 +156,7 @@ def test_the_catalogue_describes_the_hidden_cell(effect: HiddenEffect):
     # The mesh of the hidden cell.
     radial_points = 60 if known.name == "particle-size-distribution" else 120
     resolution = Resolution(1e-7, 30, radial_points, standard_mesh=True, radial_stretch=4.0)
-    driven = DrivenCell(cell, (known,), record, {}, ambient_k, resolution)
+    driven = DrivenCell(cell, (known,), record, {}, Start(temperature_k=ambient_k), resolution)
     curve = driven.solve({effect.strength: strength}, after_jumps(record), record.current, 0.9)
     assert curve is not None
     error = np.sqrt(np.mean(np.square(curve.voltage - record.voltage)))

@@ -11,6 +11,7 @@ from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.effects.catalogue import EFFECTS, entries
 from bsa.plugins.pybamm.augmentation import PyBaMMPart, augmented_cell
 from bsa.plugins.pybamm.cells.ocp_shape import bump
+from bsa.plugins.pybamm.modelling.compiled_cell import Start
 from bsa.plugins.pybamm.modelling.drive import current_function
 from bsa.plugins.pybamm.solving.driven_cell import DrivenCell
 
@@ -264,7 +265,7 @@ def test_marcus_kinetics_without_a_reorganisation_are_the_base_models_at_any_tem
     effect = BY_KEY["kinetics-marcus"]
     cell = CellModel("Chen2020", "SPM")
     curves = [
-        DrivenCell(cell, effects, driven, {}, kelvin).solve({}, driven.time, driven.current, 0.9)
+        DrivenCell(cell, effects, driven, {}, Start(temperature_k=kelvin)).solve({}, driven.time, driven.current, 0.9)
         for effects in ((), (effect,))
     ]
     assert all(curve is not None for curve in curves)

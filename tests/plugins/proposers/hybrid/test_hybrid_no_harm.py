@@ -244,6 +244,20 @@ def test_the_agent_reads_what_the_jacobian_taught(run_toy: RunToy, tmp_path: Pat
     assert any(event["action"] == "refine" and event["hypothesis"] == "h" for event in proposals)
 
 
+def test_effects_are_measured_of_the_parameters_asked_for_alone(run_toy: RunToy, tmp_path: Path) -> None:
+    half = {"use": "hybrid", "options": {"agent_share": 0.5}}
+    scaffold = Scaffold.model_validate({**toy_scaffold("hybrid").model_dump(), "proposer": half})
+    backend = Speaking(lambda schema, seed, call: words("jacobian", params=[SERIES], simulations=1))
+    mixed = search(run_toy, tmp_path, "hybrid", 25, HIDDEN, scaffold=scaffold, backend=backend)
+    events = [event for event in read_events(tmp_path) if event["event"] == "proposal"]
+    told = [author for event in events for author in event["details"]["authors"]]
+    earlier = lambda trial: [dict(other.candidate) for other in mixed.trials[: trial.index]]  # noqa: E731
+    searched = [trial for trial in mixed.trials[1:] if told[trial.index - 1] == "agent"]
+    assert len(searched) > 4
+    for trial in searched:
+        assert any({**other, SERIES: trial.candidate[SERIES]} == dict(trial.candidate) for other in earlier(trial))
+
+
 def test_wishes_are_checked() -> None:
     space = toy_task().space
     offer = Offer(("refine", "set", "jacobian", "restart", "reduce"), space)

@@ -6,6 +6,7 @@ from bsa.core.discovery.simulator import MeasuredRecord
 from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.pybamm.before_search.radial_mesh import radial_mesh
+from bsa.plugins.pybamm.modelling.compiled_cell import Start
 from bsa.plugins.pybamm.modelling.resolution import Resolution
 from bsa.plugins.pybamm.solving.driven_cell import FINE, SEARCH, DrivenCell
 
@@ -19,7 +20,12 @@ def discharge(current, duration):
 
 def voltage(cell, measured_record, points):
     driven = DrivenCell(
-        cell, (), measured_record.record, {}, measured_record.ambient_k, replace(SEARCH, radial_points=points)
+        cell,
+        (),
+        measured_record.record,
+        {},
+        Start(temperature_k=measured_record.ambient_k),
+        replace(SEARCH, radial_points=points),
     )
     curve = driven.solve({}, measured_record.record.time, measured_record.record.current, 0.95)
     assert curve is not None

@@ -3,7 +3,7 @@ from bsa.core.errors import BsaError
 from bsa.core.target import CellChange
 from bsa.core.task import CellModel
 from bsa.plugins.pybamm.cells import parameter_sets
-from bsa.plugins.pybamm.cells.state_of_charge import InitialState, equilibrium_capacity_ah, soc_at_voltage
+from bsa.plugins.pybamm.cells.state_of_charge import InitialState, equilibrium_capacity_ah, socs_at_voltages
 
 
 def test_missing_keys_are_filled_from_chen2020() -> None:
@@ -61,10 +61,9 @@ def test_the_list_of_parameters_tells_numbers_from_functions() -> None:
 
 def test_a_voltage_and_a_state_of_charge_are_one() -> None:
     cell = CellModel("Chen2020")
-    soc = soc_at_voltage(cell, 3.8)
+    soc, *beyond = socs_at_voltages(cell, [3.8, 5.0, 1.0])
     assert 0.4 < soc < 0.7
-    assert soc_at_voltage(cell, 5.0) == 1.0
-    assert soc_at_voltage(cell, 1.0) == 0.0
+    assert beyond == [1.0, 0.0]
     state = InitialState(parameter_sets.load("Chen2020")).concentrations(CellChange(), soc)
     values = parameter_sets.load("Chen2020", state)
     assert float(values.evaluate(parameter_sets.pybamm.LithiumIonParameters().ocv_init)) == pytest.approx(3.8, abs=2e-4)

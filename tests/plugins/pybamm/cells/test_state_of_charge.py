@@ -7,8 +7,12 @@ from bsa.plugins.pybamm.cells.state_of_charge import (
     InitialState,
     equilibrium_capacity_ah,
     initial_concentration,
-    soc_at_voltage,
+    socs_at_voltages,
 )
+
+
+def soc_at_voltage(cell: CellModel, voltage: float, temperature_k: float | None = None) -> float:
+    return socs_at_voltages(cell, [voltage], temperature_k)[0]
 
 
 @pytest.mark.slow

@@ -19,6 +19,7 @@ from bsa.plugins.pybamm.cells.parameter_files import parsed
 from bsa.plugins.pybamm.export.augmented_script import augmented_script
 from bsa.plugins.pybamm.export.calibrated_script import parameter_values_json
 from bsa.plugins.pybamm.export.quoted_effects import quoted
+from bsa.plugins.pybamm.modelling.compiled_cell import Start
 from bsa.plugins.pybamm.solving.driven_cell import FINE, DrivenCell
 
 
@@ -53,7 +54,7 @@ def test_the_script_needs_pybamm_alone_and_gives_the_same_curve(tmp_path, keys):
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr[-2000:]
-    expected = DrivenCell(cell, effects, driven, {name: target_named(name)}, 298.15, FINE).solve(
+    expected = DrivenCell(cell, effects, driven, {name: target_named(name)}, Start(temperature_k=298.15), FINE).solve(
         candidate, driven.time, driven.current, 0.9
     )
     assert expected is not None

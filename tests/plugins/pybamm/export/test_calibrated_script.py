@@ -1,6 +1,7 @@
 """The exported script: literal-safe, importable, and the same curve as the final score."""
 
 import ast
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -18,6 +19,7 @@ from bsa.experiments.api.scripts import namespace_of
 from bsa.plugins.effects.ageing import EFFECTS
 from bsa.plugins.pybamm.augmentation import effects_in
 from bsa.plugins.pybamm.export.calibrated_script import literal, script
+from bsa.plugins.pybamm.solving import compiled, driven_cell
 from bsa.plugins.pybamm.solving.experiment_kinds import solve_reference
 
 NOTHING = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
@@ -44,6 +46,8 @@ def drive_record():
     steps = tuple(Step(kind, *edge) for kind, edge in zip(kinds, pairwise(edges), strict=True))
     return Trajectory(time, current, np.full(len(time), 3.7), None, steps)
 
+
+DRIVEN = Experiment("drive", drive_record(), initial_soc=0.6)
 
 HOSTILE = 'x"""\nimport os; os.abort()\n#\u202e{{ 7 * 7 }}\\'
 
@@ -92,6 +96,13 @@ def test_scalars_factors_and_state_of_charge_are_told_apart():
     assert (record["initial_soc"], record["temperature_k"]) == (0.625, 308.15)
 
 
+@pytest.mark.parametrize("experiment", [Experiment("x", NOTHING, (("Rest for 1 second",),)), DRIVEN])
+def test_the_script_may_take_as_many_steps_as_the_run(experiment: Experiment) -> None:
+    text = script(task_of(CellModel("Chen2020"), experiment, RADIUS), {RADIUS: 4e-6})
+    (written,) = re.findall(r'"max_num_steps": (\d+)', text)
+    assert int(written) >= (compiled.MAX_STEPS if experiment.protocol else driven_cell.MAX_STEPS)
+
+
 def test_a_warm_cell_starts_at_its_own_temperature():
     experiment = Experiment("x", NOTHING, (("Rest for 1 second",),), temperature_k=298.15, initial_temperature_k=303.15)
     names = ("Ambient temperature [K]", "Initial temperature [K]")
@@ -117,7 +128,7 @@ CASES = {
     ),
     "measured current": (
         CellModel("Chen2020", "SPMe"),
-        Experiment("drive", drive_record(), initial_soc=0.6),
+        DRIVEN,
         {RADIUS: 4.5e-6, EXCHANGE: 0.8},
     ),
 }

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from bsa.core.task import CellModel
 from bsa.plugins.effects.catalogue import EFFECTS
+from bsa.plugins.pybamm.modelling.compiled_cell import Start
 from bsa.plugins.pybamm.solving.driven_cell import DrivenCell
 
 (MARCUS,) = (effect for effect in EFFECTS if effect.key == "kinetics-marcus")
@@ -14,7 +15,7 @@ def test_a_cell_that_ran_empty_leaves_no_trace_in_later_solves(rest_then_dischar
     time = np.arange(0.0, 4000.0, 20.0)
     record = rest_then_discharge(time, 60.0, 5.0)
     # Marcus kinetics make the overpotentials algebraic.
-    cell = DrivenCell(CellModel("Chen2020", "SPM"), (MARCUS,), record, {}, 298.15)
+    cell = DrivenCell(CellModel("Chen2020", "SPM"), (MARCUS,), record, {}, Start(temperature_k=298.15))
     (strength,) = (MARCUS.full_name(parameter) for parameter in MARCUS.parameters)
     before = cell.solve({strength: 0.5}, time, record.current, soc=0.95)
     cell.solve({strength: 3.0}, time, record.current, soc=0.05)

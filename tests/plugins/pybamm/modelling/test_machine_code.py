@@ -12,6 +12,7 @@ import pytest
 from bsa.core.task import CellModel
 from bsa.core.trajectory import FloatArray, Trajectory
 from bsa.plugins.pybamm.modelling import machine_code
+from bsa.plugins.pybamm.modelling.compiled_cell import Start
 from bsa.plugins.pybamm.modelling.machine_code import MachineCode, compiler
 from bsa.plugins.pybamm.solving.driven_cell import DrivenCell
 
@@ -54,7 +55,7 @@ def begun(monkeypatch: pytest.MonkeyPatch) -> MachineCode:
 @pytest.fixture(scope="module")
 def cell(rest_then_discharge: Callable[..., Trajectory]) -> DrivenCell:
     record = rest_then_discharge(CLOCK, 100.0, 5.0)
-    return DrivenCell(CellModel("Chen2020", "SPMe"), (), record, {}, 298.15)
+    return DrivenCell(CellModel("Chen2020", "SPMe"), (), record, {}, Start(temperature_k=298.15))
 
 
 def voltage(cell: DrivenCell) -> FloatArray:

@@ -1,10 +1,14 @@
 import multiprocessing
+import os
+import sys
+import threading
 import time
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from bsa.plugins.pybamm.simulators.processes import Pool
+from bsa.core.threads import VARIABLES
+from bsa.plugins.pybamm.simulators.processes import Pool, Worker
 
 
 def test_a_pool_that_is_closed_meanwhile_gives_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -34,3 +38,40 @@ def test_a_report_is_told_with_the_last_ones_of_all_jobs_at_hand(monkeypatch: py
     silent.reported = 1
     assert list(pool._finished([reporting, silent, ended])) == [(ended, "answer")]
     assert told == [[2, 1]]
+
+
+def test_workers_that_threads_start_at_once_leave_the_users_process_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    second_begins, first_is_done = threading.Event(), threading.Event()
+
+    class Slow:
+        """Starts processes that are none: the first waits for the second to begin, the second for the first to end."""
+
+        Pipe = staticmethod(multiprocessing.Pipe)
+
+        def Process(self, **what: Any) -> "Slow":  # noqa: N802
+            return self
+
+        def start(self) -> None:
+            if threading.current_thread() is first:
+                second.start()
+                second_begins.wait(0.5)
+            else:
+                second_begins.set()
+                first_is_done.wait(0.5)
+
+    def start_first() -> None:
+        worker().start()
+        first_is_done.set()
+
+    def worker() -> Worker[int, str]:
+        return Worker(None, 1.0)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(multiprocessing, "get_context", lambda method: Slow())
+    monkeypatch.setenv(VARIABLES[0], "3")
+    monkeypatch.setattr(sys.modules["__main__"], "__file__", "script.py", raising=False)
+    first, second = threading.Thread(target=start_first), threading.Thread(target=lambda: worker().start())
+    first.start()
+    first.join()
+    second.join()
+    assert os.environ[VARIABLES[0]] == "3"
+    assert sys.modules["__main__"].__file__ == "script.py"

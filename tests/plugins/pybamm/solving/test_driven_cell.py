@@ -8,16 +8,18 @@ import pytest
 from bsa.core.task import CellModel
 from bsa.core.trajectory import FloatArray, Step, StepKind, Trajectory
 from bsa.plugins.effects.catalogue import EFFECTS
+from bsa.plugins.pybamm.modelling.compiled_cell import Start
 from bsa.plugins.pybamm.solving.driven_cell import DrivenCell
 
 (MARCUS,) = (effect for effect in EFFECTS if effect.key == "kinetics-marcus")
+WARM = Start(temperature_k=298.15)
 
 
 @pytest.mark.slow
 def test_a_current_that_no_potential_gives_is_told_soon(rest_then_discharge):
     clock = np.arange(0.0, 4000.0, 20.0)
     record = rest_then_discharge(clock, 60.0, 1.7)
-    cell = DrivenCell(CellModel("Chen2020", "SPMe"), (MARCUS,), record, {}, 298.15)
+    cell = DrivenCell(CellModel("Chen2020", "SPMe"), (MARCUS,), record, {}, WARM)
     (strength,) = (MARCUS.full_name(parameter) for parameter in MARCUS.parameters)
 
     def took(value: float) -> tuple[float, str]:
@@ -40,7 +42,7 @@ def test_a_cell_that_a_leak_empties_in_a_rest_is_empty():
     loaded = int(np.count_nonzero(clock <= 600.0))
     steps = (Step(StepKind.CC_DISCHARGE, 0, loaded), Step(StepKind.REST, loaded, len(clock), position=1))
     record = Trajectory(clock, np.where(clock <= 600.0, 1.0, 0.0), np.full(len(clock), 3.2), None, steps)
-    cell = DrivenCell(CellModel("Chen2020", "SPM"), (leak,), record, {}, 298.15)
+    cell = DrivenCell(CellModel("Chen2020", "SPM"), (leak,), record, {}, WARM)
     response = cell.follow({leak.full_name(leak.strength): 0.3}, clock, 0.06)
     assert [pause.empty for pause in response.pauses] == [True]
     assert response.voltage[-1] < 2.1
@@ -64,7 +66,7 @@ def test_an_integrator_that_gives_up_where_the_voltage_collapses_met_an_empty_ce
 ):
     """At 10 degC it gave up at 2.94 V, a second before 2.5 V, and the simulation was taken for a failed one."""
     clock = np.arange(0.0, 4001.0, 20.0)
-    cell = DrivenCell(CellModel("Chen2020", "SPM"), (), rest_then_discharge(clock, 60.0, 5.0), {}, 298.15)
+    cell = DrivenCell(CellModel("Chen2020", "SPM"), (), rest_then_discharge(clock, 60.0, 5.0), {}, WARM)
     discharge = np.arange(80.0, 2001.0, 20.0)
     falling = 3.6 - 0.006 * np.arange(len(discharge))
     falling[-1] = falling[-2] - last_fall_v
@@ -83,7 +85,7 @@ def test_an_integrator_that_gives_up_where_the_voltage_collapses_met_an_empty_ce
 @pytest.mark.slow
 def test_an_integrator_that_gives_up_at_once_says_so(rest_then_discharge, monkeypatch):
     clock = np.arange(0.0, 401.0, 20.0)
-    cell = DrivenCell(CellModel("Chen2020", "SPM"), (), rest_then_discharge(clock, 60.0, 5.0), {}, 298.15)
+    cell = DrivenCell(CellModel("Chen2020", "SPM"), (), rest_then_discharge(clock, 60.0, 5.0), {}, WARM)
     nothing = Stretch(np.array([0.0]), np.array([3.8]))
     monkeypatch.setattr(cell, "_advance", lambda *_: (nothing, "the integrator gave up"))
     response = cell.follow({}, clock, 0.9)

@@ -132,7 +132,7 @@ def test_temperature_and_effects_on_the_potentials_are_those_of_the_driven_cell(
     candidate = {BUMP: 0.0, **{p.name: 0.04 if p.name.endswith("[V]") else 0.5 for p in searched}}
     (run,) = EquilibriumCell(own).outcome(candidate).runs
     start = start_of(own.experiments[0])
-    driven = DrivenCell(own.cell, (), record, own.space.targets, kelvin, start=start)
+    driven = DrivenCell(own.cell, (), record, own.space.targets, start, any_start=False)
     assert run.trajectory is not None
     np.testing.assert_allclose(run.trajectory.voltage[0], 3.9, atol=5e-4)
     np.testing.assert_allclose(run.trajectory.voltage, driven.follow(candidate, record.time).voltage, atol=2e-3)
