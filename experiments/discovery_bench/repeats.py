@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...core.comparison.residuals import rms
 from ...core.discovery.reference import lacking, less
+from ...core.rms import rms
 from ..campaign.text_tables import table_of
 from ..discovery_case import DiscoverOptions, read_case
 from ..discovery_setup import set_up
