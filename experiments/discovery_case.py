@@ -122,16 +122,21 @@ class DiscoverOptions(BaseModel, extra="forbid"):
 
 
 def discover_options(
-    records: Records, out: Path | None, *, parameters: ParameterSource, **others: Any
+    records: Records,
+    out: Path | None,
+    *,
+    parameters: ParameterSource,
+    reference: Sequence[Path | Record] = (),
+    **others: Any,
 ) -> DiscoverOptions:
     """What is asked of a discovery.
 
-    Records and parameters that were read already are written into the folder ``OUT-records`` beside that of the
-    discovery, so that it can be resumed; ``out`` is a new folder under ``runs`` where it is None. Raises `BsaError` if
-    an option is wrong.
+    Files among the references are read as all records are. Records and parameters that were read already are written
+    into the folder ``OUT-records`` beside that of the discovery, so that it can be resumed; ``out`` is a new folder
+    under ``runs`` where it is None. Raises `BsaError` if an option is wrong.
     """
     if records.lives:
-        _check_life(records, others)
+        _check_life(records, {**others, "reference": reference})
     folder = out or numbered_folder(Path("runs"), f"{named_after(records.sources[:1])}-discover")
     check_run_folder(folder)
     count, reads = len(records.sources), records.each_read()
@@ -144,13 +149,18 @@ def discover_options(
     fitted = files[:count]
     if records.joined:
         fitted = [{**fitted[0], "joined": [file["path"] for file in fitted[1:]]}]
-    content = {"data": fitted, "holdout": files[count:], "out": folder, **others}
+    earlier = [
+        {"path": _written(one, number, folder)} if isinstance(one, Record) else reference_files([one], records.reads)[0]
+        for number, one in enumerate(reference, len(files) + 1)
+    ]
+    content = {"data": fitted, "holdout": files[count:], "reference": earlier, "out": folder, **others}
     content["parameters"] = _parameters_written(parameters, folder)
     if content.get("search") is None:
-        content["search"] = "all" if records.lives else usual_search(content["parameters"], content.get("reference"))
+        content["search"] = "all" if records.lives else usual_search(content["parameters"], earlier)
+    everything = (*records.sources, *records.held_out, *reference)
     content["notes"] = [
         f"{file['path'].name}: {note}"
-        for source, file in zip((*records.sources, *records.held_out), files, strict=True)
+        for source, file in zip(everything, [*files, *earlier], strict=True)
         if isinstance(source, Record)
         for note in source.notes
     ]

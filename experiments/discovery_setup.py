@@ -17,7 +17,7 @@ from ..core.discovery.findings import Listener, Nomination, Settings
 from ..core.discovery.localisation import in_words, localise
 from ..core.discovery.observations import Observations, observe
 from ..core.discovery.problem import Problem
-from ..core.discovery.reference import without_known
+from ..core.discovery.reference import check_tests, without_known
 from ..core.discovery.simulator import Simulator
 from ..core.effect import Effect
 from ..core.parameters import ParameterSpace
@@ -141,17 +141,17 @@ def set_up(
     spreads = spreads_of(options.search, cell) if known is None else known.spreads
     say_notes([*case.notes, *passed_over], listener)
     records = [*case.measured_records, *case.held]
+    floor = 1e-3 * options.floor_mv
+    seen, earlier = ([observe(one, options.points, floor) for one in some] for some in (records, case.references))
+    check_tests(seen, earlier)
     mesh = radial_mesh(cell, records, case.initial_soc) if known is None else known.mesh
     if journal is not None and known is None:
         journal.file.append(SETTLED, **Settled(spreads, mesh).event)
     say_notes([mesh.note] * bool(mesh.note), listener)
     space = _with_strengths(uncertain_parameters(case.measured_records, case.initial_soc, spreads), case)
     simulator = make_simulator(cell, space, mesh)
-    floor = 1e-3 * options.floor_mv
-    seen = [observe(one, options.points, floor) for one in (*case.measured_records, *case.held)]
     said: list[str] = []
-    if case.references:
-        earlier = [observe(one, options.points, floor) for one in case.references]
+    if earlier:
         as_measured, seen = seen, without_known(simulator, seen, earlier, space.at(np.zeros(len(space))))
         said = [
             _taken_off(measured, left, earlier[place :: len(seen)])

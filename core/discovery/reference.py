@@ -31,11 +31,24 @@ def without_known(
 
     ``references`` are one for each record, in their order, or several times as many: a first one for each record, then
     a second one. ``candidate`` are the values of the base model that all are compared at; of each reference the initial
-    state of charge is fitted. Raises `BsaError` if a reference is of another test, or cannot be simulated.
+    state of charge is fitted. Raises `BsaError` if a reference cannot be simulated.
     """
     found = lacking(simulator, observations, references, candidate)
     count = len(observations)
     return [less(observed, found[place::count]) for place, observed in enumerate(observations)]
+
+
+def check_tests(observations: Sequence[Observations], references: Sequence[Observations]) -> None:
+    """Raise `BsaError` if a reference is of another test than its record."""
+    for place, reference in enumerate(references):
+        observed = observations[place % len(observations)]
+        phases, earlier = (int(_phases(one)[-1]) + 1 for one in (observed, reference))
+        if phases != earlier:
+            raise BsaError(
+                f"{observed.name} has {phases} charges, discharges and rests, and its reference {reference.name} "
+                f"{earlier}.",
+                "give an earlier record of the same test for each record, in their order; bsa data shows the steps.",
+            )
 
 
 def lacking(
@@ -73,12 +86,6 @@ def less(observed: Observations, lacking: Sequence[tuple[Observations, FloatArra
 def _at_places_of(observed: Observations, reference: Observations, error: FloatArray) -> FloatArray:
     """An error of a reference (V), in each charge, discharge and rest where the averages of a record lie in theirs."""
     phases, earlier = _phases(observed), _phases(reference)
-    if phases[-1] != earlier[-1]:
-        raise BsaError(
-            f"{observed.name} has {phases[-1] + 1} charges, discharges and rests, and its reference {reference.name} "
-            f"{earlier[-1] + 1}.",
-            "give an earlier record of the same test for each record, in their order; bsa data shows the steps.",
-        )
     found = np.zeros(len(observed))
     for number in range(phases[-1] + 1):
         here, there = phases == number, earlier == number

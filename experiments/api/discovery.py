@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.errors import BsaError
 from ...core.printable import shown
+from ...core.record import Record
 from ..checked_options import as_mapping, as_names, simulation_workers
 from ..read_options import readings
 from ..run_settings import backend_options
 from .discovery_result import DiscoveryResult
 from .given_parameters import Parameters, given_parameters
-from .measured import Data, records_of
+from .measured import Data, listed, records_of, source
 
 if TYPE_CHECKING:
     from ..discovery_case import DiscoverOptions
@@ -24,7 +25,7 @@ def discover(
     data: Data | Sequence[Data] | None = None,
     *,
     holdout: Data | Sequence[Data] | None = None,
-    reference: str | Path | Sequence[str | Path] | None = None,
+    reference: Data | Sequence[Data] | None = None,
     column: Mapping[str, str | int] | None = None,
     unit: Mapping[str, str] | None = None,
     where: Mapping[str, Any] | None = None,
@@ -66,9 +67,9 @@ def discover(
     data, holdout : path, pandas.DataFrame or Record, or a sequence of them
         Records to explain, and records that are predicted and never fitted. DataFrames and records are written into
         the folder ``OUT-records`` beside the discovery's, so that it can be resumed.
-    reference : path, or a sequence of them, optional
-        Earlier records of the same tests on the same cell, in the order of ``data`` and ``holdout``: only what has
-        changed since is to be explained.
+    reference : path, pandas.DataFrame or Record, or a sequence of them, optional
+        Earlier records of the same tests on the same cell, in the order of ``data`` and ``holdout``, once or several
+        times: only what has changed since is to be explained.
     reader, reader_option, column, unit, current_sign, where, cycles, sheet
         How files and DataFrames are read; see `read_record`.
     constant_current, current_offset, voltage_lag, temperature : float or sequence of float, optional
@@ -131,7 +132,7 @@ def discover(
     if data is None or parameters is None:
         missing = "data" if data is None else "parameters"
         raise BsaError(f"{missing} is missing.", 'discover("RECORD.csv", parameters="Chen2020"), for example.')
-    from ..discovery_case import discover_options, reference_files
+    from ..discovery_case import discover_options
 
     reads = readings(
         column,
@@ -148,6 +149,10 @@ def discover(
         temperature,
     )
     records = records_of(data, holdout, reads, initial_soc, life=life, fit_cycles=fit_cycles)
+    references = [
+        one if isinstance(one, Record) else source(one, reads[0].options, number)
+        for number, one in enumerate(listed(reference), 1)
+    ]
     asked = discover_options(
         records,
         None if out is None else Path(out),
@@ -157,7 +162,7 @@ def discover(
         overrides=dict(as_mapping(override, "--override")),
         scale=scale,
         search=search,
-        reference=reference_files(_paths(reference), reads),
+        reference=references,
         effects=None if effect is None else as_names(effect, "--effect"),
         effect_options=dict(as_mapping(effect_option, "--effect-option")),
         backend=backend,
@@ -183,9 +188,3 @@ def _carried_out(asked: DiscoverOptions, workers: int, progress: bool) -> Discov
     except Outage as outage:
         raise BsaError(f"stopped: {shown(outage, 400)}.", f"go on with {go_on}.") from None
     return DiscoveryResult(asked.out, found)
-
-
-def _paths(files: str | Path | Sequence[str | Path] | None) -> list[Path]:
-    if files is None:
-        return []
-    return [Path(files)] if isinstance(files, str | Path) else [Path(file) for file in files]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -51,7 +52,7 @@ def read_record(
         with columns such as ``"Time [s]"``, ``"Current [A]"``, ``"Voltage [V]"`` and, where known,
         ``"Temperature [degC]"``. Without a unit in its name a column is in s, A, V or degC.
     name : str, optional
-        What a DataFrame is called in messages and reports; a file has its own name.
+        What the record is called in messages and reports, in place of its file's name.
     column, unit : mapping, optional
         Column and unit of a signal (``"time"``, ``"current"``, ``"voltage"``, ``"temperature"``); a column by its name,
         or its number where it has none.
@@ -102,7 +103,8 @@ def read_record(
     given = data if isinstance(data, list | tuple) else [data]
     files = [Path(one) for one in given if isinstance(one, str | Path)]
     if files and len(files) == len(given):
-        return read.record(data if isinstance(data, str | Path) else files)
+        record = read.record(data if isinstance(data, str | Path) else files)
+        return record if name is None else replace(record, name=name)
     return _read_frame(data, read.options, name or "DataFrame")
 
 

@@ -89,7 +89,7 @@ def discover(
 
     A language model, if one is named, ranks effects too.
     """
-    from ..discovery_case import discover_options, reference_files
+    from ..discovery_case import discover_options
     from ..run_settings import key_values
     from ..task_request import Records
 
@@ -122,7 +122,7 @@ def discover(
         effect_options=key_values(effect_option, "--effect-option"),
         backend=language_model.backend,
         backend_options=language_model.options(),
-        reference=reference_files(reference or (), reading.readings(join)),
+        reference=reference or (),
         max_effects=max_effects,
         seed=seed,
     )

@@ -10,19 +10,25 @@ from ...core.run.journal import FILE_NAME
 
 @contextmanager
 def resumable(folder: Path, command: str) -> Iterator[None]:
-    """End the hint of an error with the command that goes on, where the journal in ``folder`` has grown before it."""
-    written = _journal_size(folder)
+    """End the hint of an error with the command that goes on, where the journal in ``folder`` has grown before it.
+
+    Its first event says only what was asked.
+    """
+    written = max(_events(folder), 1)
     try:
         yield
     except BsaError as error:
-        if _journal_size(folder) <= written:
+        if _events(folder) <= written:
             raise
         raise BsaError(error.message, f"{_sentence(error.hint)}Then go on with: {command}") from error
 
 
-def _journal_size(folder: Path) -> int:
+def _events(folder: Path) -> int:
     path = folder / FILE_NAME
-    return path.stat().st_size if path.is_file() else 0
+    if not path.is_file():
+        return 0
+    with path.open("rb") as lines:
+        return sum(1 for _ in lines)
 
 
 def _sentence(hint: str) -> str:

@@ -40,8 +40,8 @@ Reference = Annotated[
     records_option(
         "--reference",
         metavar="FILE...",
-        help="Earlier records of the same tests on the same cell, in the order of --data and --holdout: only what has "
-        "changed since is to be explained.",
+        help="Earlier records of the same tests on the same cell, in the order of --data and --holdout, once or "
+        "several times: only what has changed since is to be explained.",
     ),
 ]
 InitialSocs = Annotated[

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...core.discovery.reference import lacking, less
+from ...core.discovery.reference import check_tests, lacking, less
 from ...core.rms import rms
 from ..campaign.text_tables import table_of
 from ..discovery_case import DiscoverOptions, read_case
@@ -33,6 +33,7 @@ def repeats(options: DiscoverOptions) -> list[Repeat]:
     """
     setup = set_up(read_case(options), options)
     seen = setup.problem.observations
+    check_tests(seen[:1], seen)
     found = lacking(setup.simulator, seen[:1], seen, setup.space.at(np.zeros(len(setup.space))))
     rows = []
     for references in range(1, MOST + 1):

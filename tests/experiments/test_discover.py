@@ -142,9 +142,7 @@ def test_each_record_has_its_reference_or_none_has(tmp_path):
     with pytest.raises(BsaError, match="1 references were given for 2 records"):
         read_case(DiscoverOptions(**asked, reference=files[2:3], out=tmp_path / "out"))
     records = Records(files[:1], files[1:2])
-    told = discover_options(
-        records, tmp_path / "out", parameters="Chen2020", reference=reference_files(files[2:], records.reads)
-    )
+    told = discover_options(records, tmp_path / "out", parameters="Chen2020", reference=files[2:])
     assert told.search == "unchanged"
     assert [file.path for file in told.reference] == files[2:]
     with pytest.raises(BsaError, match="read differently"):

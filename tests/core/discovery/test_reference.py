@@ -6,7 +6,7 @@ import discovery_toy as toy
 import numpy as np
 import pytest
 from bsa.core.discovery.observations import observe
-from bsa.core.discovery.reference import _phases, without_known
+from bsa.core.discovery.reference import _phases, check_tests, without_known
 from bsa.core.discovery.simulator import Request
 from bsa.core.errors import BsaError
 
@@ -65,7 +65,7 @@ def test_a_charge_and_its_hold_are_one_and_the_rest_behind_them_another(offset):
 def test_a_reference_of_another_test_is_refused():
     other = ((0, 60), (1, 900), (0, 300))
     with pytest.raises(BsaError, match="later has 5 charges, discharges and rests, and its reference earlier 3"):
-        less(seen("later", {}, 1), seen("earlier", {}, 2, other))
+        check_tests([seen("later", {}, 1)], [seen("before", {}, 3), seen("earlier", {}, 2, other)])
 
 
 def test_what_is_uncertain_is_a_quarter_and_how_far_references_differ():

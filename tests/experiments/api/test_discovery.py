@@ -74,8 +74,19 @@ def test_a_record_becomes_a_file_that_reads_the_same(tmp_path, monkeypatch) -> N
     monkeypatch.setattr("bsa.experiments.discover.discover", stop)
     record = bsa.read_record(pd.read_csv(DEMO), temperature=25, name="a/b c")
     with pytest.raises(KeyboardInterrupt):
-        bsa.discover(record, holdout=DEMO, parameters="Chen2020", out=tmp_path / "found", progress=False)
+        bsa.discover(
+            record,
+            holdout=DEMO,
+            reference=[record, DEMO],
+            parameters="Chen2020",
+            out=tmp_path / "found",
+            progress=False,
+        )
     (options,) = asked
+    assert [file.path.name for file in options.reference] == ["3-b-c.csv", "demo.csv"]
+    assert options.search == "unchanged"
+    again = bsa.read_record(options.reference[0].path)
+    np.testing.assert_array_equal(again.trajectory.voltage, record.trajectory.voltage)
     written = bsa.read_record(options.data[0].path)
     assert options.data[0].path.parent == tmp_path / "found-records"
     np.testing.assert_array_equal(written.trajectory.voltage, record.trajectory.voltage)

@@ -55,6 +55,7 @@ def test_several_files_are_one_record(tmp_path) -> None:
     record = bsa.read_record(sorted(tmp_path.iterdir(), reverse=True))
     assert len(record.trajectory) == 2 * len(frame())
     assert any("joined by date" in note for note in record.notes)
+    assert bsa.read_record(tmp_path / "a_2024-05-01.csv", name="first").name == "first"
 
 
 @pytest.mark.parametrize(
