@@ -47,7 +47,7 @@ class ScoredRecords:
 
 
 def predicted(
-    run: Path, records: Records, out: Path | None, workers: int = 1, listener: Listener = SILENT
+    run: Path, records: Records, out: Path | None, workers: int = 1, listener: Listener = SILENT, band: bool = True
 ) -> tuple[ScoredRecords, Path]:
     """Score records that a run did not fit, and the page on them in a new or empty folder.
 
@@ -56,14 +56,20 @@ def predicted(
     """
     place = out or numbered_folder(run / "predictions", named_after(records.sources))
     with new_folder(place) as folder:
-        scored = predict_records(run, records.requests(), workers, listener)
+        scored = predict_records(run, records.requests(), workers, listener, band)
         return scored, write_scores(scored, folder)
 
 
 def predict_records(
-    folder: Path, requests: Sequence[RecordRequest], workers: int = 1, listener: Listener = SILENT
+    folder: Path,
+    requests: Sequence[RecordRequest],
+    workers: int = 1,
+    listener: Listener = SILENT,
+    band: bool = True,
 ) -> ScoredRecords:
     """Simulate records and impedance spectra with the best candidate of a run.
+
+    ``band`` is whether what the fitted parameters leave open is simulated too.
 
     A spectrum is that of the cell at the state of charge at which the fitted cell shows its voltage, if its request
     names none. Raises `BsaError` if the folder holds no run, no simulation of it succeeded, or a record cannot be read
@@ -80,7 +86,7 @@ def predict_records(
     context = RunContext(task, int(run.config["seed"]), folder, None, workers, listener.cycled)
     plugins = RunPlugins(scaffold, context, installed())
     watched = WatchedSimulations(plugins, listener.counted, variants=NOT_FITTED)
-    draws = () if run.analysis is None else run.analysis.identifiability.draws
+    draws = () if run.analysis is None or not band else run.analysis.identifiability.draws
     try:
         found = predict(task, run.best.candidate, task.held_out, watched, draws, misfits(run.records))
     finally:

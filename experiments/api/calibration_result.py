@@ -126,6 +126,7 @@ class CalibrationResult:
         *,
         initial_soc: float | Sequence[float] | None = None,
         out: str | Path | None = None,
+        band: bool = True,
         workers: int = 0,
         **options: Any,
     ) -> PredictionResult:
@@ -140,6 +141,8 @@ class CalibrationResult:
             voltage.
         out : path, optional
             New or empty folder of the prediction; by default ``predictions/<record>-<n>`` in the run's.
+        band : bool
+            Whether what the fitted parameters leave open is simulated too, once for each draw of them.
         workers : int
             Simulations side by side; 0: as many as cores, 4 at most.
         **options
@@ -160,7 +163,7 @@ class CalibrationResult:
             raise BsaError(f'there is no option "{unknown[0]}" for reading.', did_you_mean(unknown[0], READING))
         records = records_of(data, None, readings(**options), initial_soc)
         place = None if out is None else Path(out)
-        scored, page = predicted(self.folder, records, place, simulation_workers(workers))
+        scored, page = predicted(self.folder, records, place, simulation_workers(workers), band=band)
         return PredictionResult(page.parent, page, scored)
 
     def to_json(self) -> dict[str, Any]:

@@ -24,6 +24,12 @@ def predict(
     reading: shared.Reading,
     initial_soc: shared.InitialSocs = None,
     workers: shared.SimulationWorkers = 0,
+    band: Annotated[
+        bool,
+        shared.output_option(
+            "--band/--no-band", help="Simulate what the fitted parameters leave open, too: a simulation for each draw."
+        ),
+    ] = True,
     out: Annotated[
         Path | None,
         shared.output_option(metavar="FOLDER", help="New or empty folder; default: RUN/predictions/<record>-<n>."),
@@ -38,7 +44,7 @@ def predict(
     from .progress import PlainProgress, note_line
 
     records = Records(data, (), reading.readings(), initial_soc or ())
-    scored, page = predicted(run, records, out, simulation_workers(workers), PlainProgress(""))
+    scored, page = predicted(run, records, out, simulation_workers(workers), PlainProgress(""), band)
     if as_json:
         print(json.dumps(scored.to_json(), indent=2))
         return

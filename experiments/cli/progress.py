@@ -8,6 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Self, TextIO
 
+from ...core.discovery.progress import duration
 from ...core.messages import Usage
 from ...core.printable import counted, one_line, strip_control
 from ...core.run.listener import Listener
@@ -68,7 +69,7 @@ class PlainProgress(Listener):
         self._stage = "start"
         self._ended = self._words = ""
         self._clock = clock
-        self._said = clock()
+        self._said = self._began = clock()
 
     def proposed(self, proposal: Proposal, phase: Phase, number: int) -> None:
         """See `Listener.proposed`."""
@@ -99,9 +100,13 @@ class PlainProgress(Listener):
     def counted(self, purpose: str, done: int, total: int) -> None:
         """See `Listener.counted`."""
         self._stage = f"{purpose}: {done} of {counted(total, 'simulation')}"
+        if done == 0:
+            self._began = self._clock()
         ended = 0 < total == done
         if (ended and purpose != self._ended) or self._silent:
-            self._say(self._stage)
+            # At the pace of those that are done.
+            left = duration((self._clock() - self._began) / done * (total - done)) if 0 < done < total else ""
+            self._say(f"{self._stage}, {left} left" if left else self._stage)
         if ended:
             self._ended = purpose
 

@@ -2,6 +2,7 @@
 
 import io
 import itertools
+import re
 from pathlib import Path
 
 import pytest
@@ -37,7 +38,9 @@ def test_simulations_after_the_search_are_counted_line_by_line_where_they_take_l
         while counts:  # one batch after the other, each from 0 to its end
             total = int(counts[0].split()[-2])
             batch, counts = counts[: total + 1], counts[total + 1 :]
-            assert batch == [f"{purpose}: {done} of {total} simulations" for done in range(total + 1)]
+            counted = [re.sub(r", about \d+ (s|min) left$", "", line) for line in batch]
+            assert counted == [f"{purpose}: {done} of {total} simulations" for done in range(total + 1)]
+            assert [("left" in line) for line in batch] == [0 < done < total for done in range(total + 1)]
 
 
 @pytest.mark.slow
@@ -138,7 +141,7 @@ def test_simulations_after_the_search_are_told_when_they_end_and_while_they_take
     progress.counted("what the record fixes", 2, 2)
     assert stream.getvalue().splitlines() == [
         "final scores: 2 of 2 simulations",
-        "what the record fixes: 2 of 3 simulations",
+        "what the record fixes: 2 of 3 simulations, about 10 s left",
         "what the record fixes: 3 of 3 simulations",
     ]
 
