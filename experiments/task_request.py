@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -126,7 +126,7 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
     Raises `BsaError` if no parameter set is given, or a record, a set or a parameter makes no sense.
     """
     from .tasks.measured_cell import CellRequest
-    from .tasks.parameter_source import parameter_source, read_finished, start_from, with_its_space
+    from .tasks.parameter_source import parameter_source, read_finished, start_from, starts_left_out, with_its_space
     from .tasks.records import build_task
 
     requests, held_out = records.requests(), records.held_out_requests()
@@ -156,4 +156,5 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
         )
     source = parameter_source(cell.parameters)
     wanted = CellRequest(source, cell.model or "DFN", cell.options, effects=cell.effects, **asked)
-    return build_task(name, wanted, requests, held_out)
+    task, left_out = build_task(name, wanted, requests, held_out), starts_left_out(cell.parameters)
+    return replace(task, notes=(*task.notes, left_out)) if left_out else task

@@ -99,7 +99,7 @@ def caution_line(analysis: PostFitAnalysis) -> str:
         return ""
     # Beside a fit that has not settled, an interval as wide as a linear estimate is no wider than it should be.
     wide = "" if analysis.unsettled else ", and every interval is at least as wide as a linear estimate"
-    allowed = f"to allow for that, the assumed noise was raised {number(analysis.widened, 2)} times{wide}."
+    allowed = f"to allow for that, the assumed noise was multiplied by {number(analysis.widened, 2)}{wide}."
     if not analysis.cut_short:
         return (
             f"After {analysis.simulations} simulations of the analysis, as many as it makes, draws of the parameters "

@@ -79,6 +79,19 @@ def found_cell(given: str) -> FoundCell | None:
     return FoundCell(_without_effects(run), cell.options, cell.effects, strengths, left_v)
 
 
+def starts_left_out(given: ParameterSource) -> str:
+    """What is said of a run whose fitted starts of records the set that it is taken for cannot hold; empty for none."""
+    folder = None if isinstance(given, ParameterFile) else _run_named(given)
+    if folder is None or not any(
+        isinstance(p.target, InitialSoc | InitialVoltage) for p in read_run(folder).task.space
+    ):
+        return ""
+    return (
+        "the states in which the run's records start were fitted too, and are no part of the cell that --parameters "
+        f"takes from the run: they begin anew. To keep them: --start-from {folder}"
+    )
+
+
 def is_run(given: str) -> bool:
     """Whether ``--parameters`` means what a run found: its folder, or the ``best_parameters.json`` in it."""
     return _run_named(given) is not None

@@ -34,7 +34,7 @@ class GenericCsv:
         if options.sheet is not None:
             raise BsaError(
                 f'{source} is a text file; it has no sheet "{shown(options.sheet)}".',
-                "leave out --sheet; --where COLUMN=VALUE chooses rows.",
+                "leave out --sheet, or #PART behind the file's name; --where COLUMN=VALUE chooses rows.",
             )
         text, notes = load_text(path)
         table = layered_table(text, source) or gamry_table(text, source, options) or find_table(text, source)

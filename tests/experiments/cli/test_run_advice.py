@@ -85,7 +85,7 @@ def test_an_analysis_that_its_budget_ended_says_what_was_dropped() -> None:
     assert caution_line(analysis(0.3)) == ""
     ended = replace(analysis(0.3), measure_next=(), simulations=81, budget=92, widened=6.4, forgone=24)
     assert "as many simulations as the search, 92. It stopped after 81, before its sample" in caution_line(ended)
-    assert "raised 6.4 times" in caution_line(ended)
+    assert "multiplied by 6.4" in caution_line(ended)
     assert "24 simulations more than the 92 that the analysis may make" in next_line(ended, CELL)
     longer = "With more --simulations the analysis is longer"
     assert [line.count(longer) for line in (caution_line(ended), next_line(ended, CELL))] == [1, 0]

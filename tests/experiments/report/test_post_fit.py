@@ -78,7 +78,9 @@ def test_where_the_fit_has_not_settled_intervals_say_little_in_either_direction(
     assert verdict_line(both).startswith(f"{first}, so the intervals say little in either direction.")
     said = f"{verdict_line(both)} {caution_line(both)}"
     assert said.count("has not settled") == 1
-    assert "sample of the parameters had converged; to allow for that, the assumed noise was raised 44 times. W" in said
+    assert (
+        "sample of the parameters had converged; to allow for that, the assumed noise was multiplied by 44. W" in said
+    )
     assert not any(words in said for words in ("wide", "narrow"))
 
 
@@ -106,7 +108,7 @@ def test_an_analysis_beyond_its_budget_says_that_some_simulations_are_made_in_an
 def test_an_analysis_whose_draws_never_came_out_as_predicted_says_so_and_advises_no_more_of_them() -> None:
     ended = replace(judged({"a": "open"}), widened=4.0, simulations=96, budget=300, cut_short=False)
     assert caution_line(ended).startswith("After 96 simulations of the analysis, as many as it makes, draws of the ")
-    assert "raised 4 times" in caution_line(ended)
+    assert "multiplied by 4" in caution_line(ended)
     assert "With more --simulations" not in caution_line(ended)
     assert not needs_more(ended)
 

@@ -14,7 +14,7 @@ from bsa.core.trial import Trial
 from bsa.experiments.run_record import RunRecord
 from bsa.experiments.tasks import parameter_source as parameter_source_module
 from bsa.experiments.tasks.measured_cell import CellRequest
-from bsa.experiments.tasks.parameter_source import found_cell, parameter_source, with_its_space
+from bsa.experiments.tasks.parameter_source import found_cell, parameter_source, starts_left_out, with_its_space
 from bsa.experiments.tasks.record_request import RecordRequest
 from bsa.experiments.tasks.records import build_task
 from bsa.plugins.pybamm.cells.parameter_sets import load
@@ -122,3 +122,14 @@ def test_a_run_goes_on_with_its_correction_of_the_start_and_another_rest_voltage
     assert "Initial voltage correction at 3.91 V [V]" not in again.space
     elsewhere = with_its_space(task_at(3.5), run).space
     assert elsewhere["Initial voltage correction at 3.50 V [V]"].initial == 0.0
+
+
+def test_starts_that_a_parameter_set_cannot_hold_are_said_to_begin_anew(tmp_path, monkeypatch) -> None:
+    """The correction of a rest voltage was lost without a word: the cell that left 5 mV left 53."""
+    (tmp_path / "journal.jsonl").touch()
+    run = finished(task_of(at_rest("a", 3.9)))
+    monkeypatch.setattr(parameter_source_module, "read_run", lambda folder: run)
+    assert starts_left_out(str(tmp_path)).endswith(f"To keep them: --start-from {tmp_path}")
+    unmoved = replace(run, task=replace(run.task, space=run.task.space.without([INITIAL_SOC])))
+    monkeypatch.setattr(parameter_source_module, "read_run", lambda folder: unmoved)
+    assert starts_left_out(str(tmp_path)) == starts_left_out("Chen2020") == ""
