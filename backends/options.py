@@ -24,8 +24,8 @@ class BackendOptions(BaseModel, extra="forbid", frozen=True):
     max_reply_tokens: int | None = Field(
         None,
         ge=16,
-        description=f"Longest reply in tokens; {REPLY_TOKENS} if unset, {REPLY_TOKENS_REASONING} for hosted models that "
-        "reason.",
+        description=f"Longest reply in tokens; {REPLY_TOKENS} if unset, {REPLY_TOKENS_REASONING} for hosted models "
+        "that reason.",
     )
     reasoning_effort: Literal["low", "medium", "high"] | None = Field(
         None, description="How long a reasoning model may think; the model's own if unset."

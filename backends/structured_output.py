@@ -1,4 +1,4 @@
-"""Gets one JSON object out of any server: by tools or a schema, else by JSON mode, else by instruction in the prompt."""
+"""Gets one JSON object out of any server: by tools or a schema, else by JSON mode, else by words in the prompt."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence

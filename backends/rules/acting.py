@@ -82,7 +82,7 @@ def _said_by_the_record(prompt: Prompt) -> str:
 
 
 def _after_the_end(prompt: Prompt) -> dict[str, Any]:
-    """The fit ended far from the record: first a reduced task, then fresh slopes, then the values the features ask for."""
+    """The fit ended far from the record: first a reduced task, then fresh slopes, then values by the features."""
     tried = prompt.numerics.actions
     if "reduce" not in tried:
         return _reply(
