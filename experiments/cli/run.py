@@ -328,6 +328,7 @@ def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterabl
         verdict_line,
     )
     from ..report.records import error_rows
+    from ..report.reduced_potentials import reduced_line
     from ..report.wording import losses, number
 
     failed = sum(trial.failed for trial in result.trials)
@@ -359,6 +360,8 @@ def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterabl
         lines = [verdict, caution_line(result.analysis), groups_line(result.analysis)]
         lines.append(next_line(result.analysis, task.domain))
         print(*(f"  {line}" for line in lines if line), sep="\n")
+    if reduced := reduced_line(task, result.best.candidate):
+        print(f"  {one_line(reduced, 1000)}")
     if left_out:
         print(f"  {one_line(left_out, 600)}")
     for line in further:

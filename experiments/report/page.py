@@ -19,6 +19,7 @@ from .figures import convergence, overlays, prediction_overlays
 from .identifiability import section
 from .post_fit import best_score_line, tolerance_line
 from .records import error_rows
+from .reduced_potentials import reduced_line
 from .rounds import chapters
 from .templates import template
 from .wording import change, clipped, factor, losses, number, printed_unit, short_name
@@ -135,7 +136,8 @@ def _parameter_row(parameter: Parameter, run: RunRecord) -> dict[str, Any]:
 
 def _notes(run: RunRecord) -> Sequence[str]:
     """What the run and its backend had to say, each thing once."""
-    notes = [clipped(note, _LONGEST_NOTE) for note in run.notes]
+    reduced = reduced_line(run.task, run.best.candidate)
+    notes = [clipped(note, _LONGEST_NOTE) for note in (*run.notes, *[reduced] * bool(reduced))]
     counts = Counter(note for exchange in run.exchanges if exchange.made_by == "model" for note in exchange.notes)
     notes += [clipped(f"{note} ({times} times)" if times > 1 else note, 600) for note, times in counts.items()]
     if run.lost_calls:
