@@ -106,11 +106,14 @@ def run(
         ),
     ] = None,
     scaffold: Annotated[
-        str,
+        str | None,
         shared.search_option(
-            metavar="NAME|FILE", help="Scaffold by name, or a YAML file.", autocompletion=completion.scaffolds
+            metavar="NAME|FILE",
+            help="Scaffold by name, or a YAML file; left out, hybrid, but staged for measured records where no "
+            "language model is asked and the search has priors.",
+            autocompletion=completion.scaffolds,
         ),
-    ] = "hybrid",
+    ] = None,
     rounds: Annotated[
         int | None,
         shared.search_option(min=0, metavar="N", help="Search rounds at most; default 80, of a resumed run its own."),
