@@ -18,6 +18,10 @@ BEYOND = "outside 0 to 1"
 """Flag of a state of charge that the parameter set's cell, between its cut-offs at rest, does not have."""
 
 
+MOVED = "the interval excludes the value before"
+"""Flag of a parameter that the records have moved."""
+
+
 @dataclass(frozen=True)
 class BaseParameter:
     """A parameter of the base model, in words."""
@@ -76,7 +80,7 @@ def _searched(parameter: Parameter, u: float, half: float, flags: Sequence[str])
         f"{shown(value)} {unit}".rstrip(),
         " to ".join(ends) or NOTHING,
         before,
-        (*["at a bound"] * bool(parameter.bound_at(value)), *flags),
+        (*["at a bound"] * bool(parameter.bound_at(value)), *[MOVED] * bool(parameter.prior and abs(u) > half), *flags),
     )
 
 

@@ -41,6 +41,7 @@ def test_values_stand_with_their_intervals_and_what_was_known_before() -> None:
     # Ten samples of slope 10 in a unit of 0.01 A, beside the prior: a deviation of 1 / sqrt(1001) units.
     low, high = map(float, offset.interval.split(" to "))
     np.testing.assert_allclose(high - low, 2 * 1.96 * 0.01 / np.sqrt(1001), rtol=1e-3)
+    assert (radius.flags, offset.flags) == ((), ("the interval excludes the value before",))
     assert (charge.before, charge.flags) == ("none; search from 0.9", ("at a bound", "outside 0 to 1"))
 
 
