@@ -26,6 +26,14 @@ Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the bl
 Only = Annotated[
     list[str] | None, shared.records_option(metavar="CASE", help="Case to run, case_07; repeat; left out, all.")
 ]
+Parameters = Annotated[
+    str,
+    shared.model_option(
+        metavar="NAME|FILE|RUN",
+        help="Parameters to start from; best a run that fitted this cell.",
+        autocompletion=completion.parameter_sets,
+    ),
+]
 DISCOVERY = "discovery"
 """Name of the results where none is given."""
 
@@ -57,14 +65,7 @@ def make_command(
 def hide_command(
     folder: Folder,
     data: Annotated[list[Path], shared.records_option("--data", metavar="FILE...", help="Records of one cell.")],
-    parameters: Annotated[
-        str,
-        shared.model_option(
-            metavar="NAME|FILE|RUN",
-            help="Parameters to start from; best a run that fitted this cell.",
-            autocompletion=completion.parameter_sets,
-        ),
-    ],
+    parameters: Parameters,
     holdout: shared.Holdout = None,
     reference: shared.Reference = None,
     *,
@@ -109,14 +110,7 @@ def repeats_command(
             "--data", metavar="FILE...", help="Records of one test of one cell, in the order of their dates."
         ),
     ],
-    parameters: Annotated[
-        str,
-        shared.model_option(
-            metavar="NAME|FILE|RUN",
-            help="Parameters to start from; best a run that fitted this cell.",
-            autocompletion=completion.parameter_sets,
-        ),
-    ],
+    parameters: Parameters,
     *,
     reading: shared.Reading,
     model: shared.Model = "DFN",
