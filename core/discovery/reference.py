@@ -70,9 +70,9 @@ def lacking(
     return found[len(found) - len(references) :]
 
 
-def less(observed: Observations, lacking: Sequence[tuple[Observations, FloatArray]]) -> Observations:
-    """One record's averages less what the model lacks of its references, V, on average."""
-    each = np.array([_at_places_of(observed, reference, error) for reference, error in lacking])
+def less(observed: Observations, lacked: Sequence[tuple[Observations, FloatArray]]) -> Observations:
+    """One record's averages less what the model lacks of its references on average, V (`lacking`)."""
+    each = np.array([_at_places_of(observed, reference, error) for reference, error in lacked])
     known, count = np.mean(each, axis=0), len(each)
     # As much as of a mesh correction, which is measured at one candidate too.
     unsure = UNSURE * known[None, :]

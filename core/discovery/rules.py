@@ -126,7 +126,7 @@ class Rules:
         told = warm or (self.explains_all(found) and margin > self.far_ahead)
         if not found.held_rmse_v < base.held_rmse_v / (1.0 - self.held_margin if told else 1.0):
             return f"does not predict {self.held_words} better than {self.base_words}"
-        # A few large errors count little in BIC: the error may grow beside a better likelihood, that of few others.
+        # A few large errors count little in BIC, so that the error may grow while the likelihood improves.
         return _FARTHER.format(self.base_words) * (margin <= self.far_ahead and found.rmse_v > gap.nearest.rmse_v)
 
     def leaves_too_much(self, found: Explanation, gap: Gap) -> str:
