@@ -56,9 +56,9 @@ def suggestions(
     protocols = plugins.next_protocols() if len(directions) else {}
     if not protocols:
         return (), 0
-    wanted = (1 + len(directions)) * len(protocols)
-    if wanted > spent.left:
-        return (), wanted - max(spent.left, 0)
+    wanted, left = (1 + len(directions)) * len(protocols), max(spent.left, 0) + spent.unused
+    if wanted > left:
+        return (), wanted - left
     temperature = task.experiments[0].temperature_k
     nothing = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
     experiments = tuple(

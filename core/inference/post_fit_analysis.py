@@ -83,7 +83,8 @@ def analyse(
     plugins : Simulating
         Simulates what is missing, side by side where it can.
     budget : int
-        Simulations that it may take; some are made in any case.
+        Simulations that it may take, as many as the search was allowed; some are made in any case. What the search left
+        of them may go to further records.
     priors : bool
         Whether the search weighed the priors of the search space.
 
@@ -94,7 +95,7 @@ def analyse(
     """
     if best.residuals is None:
         return None
-    spent = Spent(budget)
+    spent = Spent(budget, unused=max(budget - len(trials), 0))
     jacobian, reused, unknown, looked = _jacobian(task, trials, best, plugins, spent)
     errors = errors_of(task, best, plugins, spent)
     residual = best.residuals + errors.shift

@@ -39,6 +39,7 @@ class Spent:
     budget: int
     simulations: int = 0
     seconds: float = 0.0
+    unused: int = 0  # Simulations of the search that it did not make, which further records may take beside the budget.
 
     @property
     def left(self) -> int:

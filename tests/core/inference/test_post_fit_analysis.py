@@ -275,6 +275,7 @@ def test_a_search_that_ends_by_itself_leaves_the_analysis_what_it_was_allowed(ru
     assert len(result.trials) < 60
     assert result.analysis is not None
     assert result.analysis.budget == 60
+    assert result.analysis.forgone == 0
 
 
 @pytest.mark.slow
