@@ -21,7 +21,7 @@ def test_what_the_search_left_goes_to_further_records(budget, made, unused, lack
         looked.append((len(candidates), len(experiments)))
 
     names = task.space.names
-    protocols = {name: (("Discharge at 1C until 3 V",),) for name in "abc"}
+    protocols = dict.fromkeys("abc", (("Discharge at 1C until 3 V",),))
     plugins = SimpleNamespace(next_protocols=lambda: protocols, simulate_variant=simulate_variant)
     best = SimpleNamespace(candidate=task.space.initial)
     spent = Spent(budget, made, unused=unused)
