@@ -10,7 +10,6 @@ from ..core.run.run_config import RunConfig
 from ..core.task import Task, Weight
 from .file_reading import FileReading
 from .run_names import numbered_folder
-from .run_settings import usual_scaffold
 from .task_request import CellChoice, Records, task_of_records
 
 
@@ -27,15 +26,14 @@ def run_request(
     named: Task | None,
     records: Records,
     cell: CellChoice,
-    configured: Callable[..., RunConfig],
+    configured: Callable[[str], RunConfig],
     weight: str | None,
     out: Path | None,
 ) -> RunRequest:
     """What a run is asked: a task that was named, with the records that it is to hold out, or that of matching records.
 
-    ``configured`` gives the configuration for a simulator and a usual scaffold (`run_config`). ``weight`` is how errors
-    count; None leaves it to the task. ``out`` is None for a new folder under ``runs``. Raises `BsaError` if any of it
-    makes no sense.
+    ``configured`` gives the configuration for a simulator (`run_config`). ``weight`` is how errors count; None leaves
+    it to the task. ``out`` is None for a new folder under ``runs``. Raises `BsaError` if any of it makes no sense.
     """
     from .tasks.records import holding_out
 
@@ -45,8 +43,6 @@ def run_request(
     task = task_of_records(records, cell) if named is None else holding_out(named, records.held_out_requests())
     if weight is not None:
         task = replace(task, weight=cast("Weight", weight))
-    if named is None:
-        config = configured("", usual_scaffold(task, config.backend))
     return RunRequest(task, config, out or numbered_folder(Path("runs"), f"{task.name}-{config.scaffold.name}"))
 
 

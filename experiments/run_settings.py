@@ -4,47 +4,28 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..core.errors import BsaError, did_you_mean
 from ..core.printable import shown
 from ..core.run.run_config import RunConfig
 from ..core.scaffold import Scaffold, load_scaffold
-from ..core.task import Task
 from ..core.validation import validated
 from ..core.yaml_text import parse_yaml
 
-USUAL = "hybrid"
-"""The scaffold of a run that names none, but see `usual_scaffold`."""
-
-
-def usual_scaffold(task: Task, backend: str) -> str:
-    """The scaffold of a run on measured records that names none.
-
-    ``staged`` weighs the priors of the searched parameters, without which a single record of a measured cell moves them
-    to their bounds; no model is asked by it. It knows no life and no protocol.
-    """
-    driven = all(experiment.protocol is None for experiment in task.experiments)
-    known = bool(np.any(task.space.prior_weights > 0.0))
-    return "staged" if backend == "rules" and driven and known and not task.long else USUAL
-
 
 def run_config(
-    scaffold: str | Scaffold | None,
+    scaffold: str | Scaffold,
     backend: str,
     backend_options: Mapping[str, Any],
     settings: Mapping[str, Any],
     simulator: str = "",
-    usual: str = USUAL,
 ) -> RunConfig:
-    """The checked configuration of a run; ``usual`` is its scaffold where none is named.
+    """The checked configuration of a run.
 
     ``settings`` replace defaults: fields of `RunConfig`, or dotted paths into the scaffold (``feedback.use``);
     ``simulator`` is the task's own, for a scaffold that names none. Raises `BsaError` naming the key at fault and the
     nearest valid one.
     """
-    named = scaffold or usual
-    chosen = load_scaffold(named) if isinstance(named, str) else named
+    chosen = load_scaffold(scaffold) if isinstance(scaffold, str) else scaffold
     content: dict[str, Any] = {
         "scaffold": chosen.made_for(simulator).model_dump(),
         "backend": backend,

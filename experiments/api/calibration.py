@@ -51,7 +51,7 @@ def calibrate(
     life: bool = False,
     fit_cycles: int | None = None,
     weight: str | None = None,
-    scaffold: str | None = None,
+    scaffold: str = "hybrid",
     rounds: int | None = None,
     warmup: int = 20,
     simulations: int | None = None,
@@ -119,9 +119,8 @@ def calibrate(
     weight : {'uniform', 'robust', 'knee'}, optional
         How errors count: ``"robust"`` keeps what is far off for a short time from deciding the fit; by default the
         task's own, ``"uniform"`` for records.
-    scaffold : str, optional
-        Scaffold by name, or a YAML file; left out, ``"hybrid"``, but ``"staged"`` for measured records where no
-        language model is asked and the search has priors.
+    scaffold : str
+        Scaffold by name, or a YAML file.
     rounds, warmup, simulations : int
         Search rounds (by default 80), warm-up simulations, and simulations in all (by default 100), at most.
     seed : int

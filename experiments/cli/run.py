@@ -106,14 +106,11 @@ def run(
         ),
     ] = None,
     scaffold: Annotated[
-        str | None,
+        str,
         shared.search_option(
-            metavar="NAME|FILE",
-            help="Scaffold by name, or a YAML file; left out, hybrid, but staged for measured records where no "
-            "language model is asked and the search has priors.",
-            autocompletion=completion.scaffolds,
+            metavar="NAME|FILE", help="Scaffold by name, or a YAML file.", autocompletion=completion.scaffolds
         ),
-    ] = None,
+    ] = "hybrid",
     rounds: Annotated[
         int | None,
         shared.search_option(min=0, metavar="N", help="Search rounds at most; default 80, of a resumed run its own."),
