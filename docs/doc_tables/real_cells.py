@@ -169,5 +169,20 @@ TABLES = {
     # Errors of cells whose records have rests in place of a slow charge or discharge.
     "pulse-tests": _by_cell("pulse_tests", "inside / %", "{inside_pct:known}"),
     # Errors on cells of other packages' tests, which no version had seen.
+    "one-record": Plain(
+        "one_record",
+        3,
+        {
+            "cell": "{cell}",
+            "fitted": "{fitted}",
+            "held out": "{held_out}",
+            "fitted by hybrid / mV": "{hybrid_mv:brief}",
+            "by staged / mV": "{staged_mv:brief}",
+            "held out, hybrid / mV": "{hybrid_held_mv:brief}",
+            "staged / mV": "{staged_held_mv:brief}",
+            "largest correction of a potential, hybrid / mV": "{hybrid_correction_mv:.0f}",
+            "staged, largest / mV": "{staged_correction_mv:.0f}",
+        },
+    ),
     "unseen-cells": _by_cell("unseen_cells", "temperature rms / K", "{rms_k:known}"),
 }
