@@ -34,8 +34,8 @@ def in_measured(results: Results) -> list[tuple[str, str, Graded]]:
     return [(cell, beside if isinstance(beside, str) else "", case) for cell, beside, case in rows]
 
 
-_WAYS = (("Beside a reference", True), ("Without one", False))
-"""In words, whether a case has a reference."""
+_WAYS = ("Without a reference", "Beside one reference", "Beside two references")
+"""In words, how many references a case has."""
 
 
 def hidden_in_measured(results: Results) -> str:
@@ -56,7 +56,8 @@ def hidden_in_measured(results: Results) -> str:
         "error of the strength": lambda row: "" if row["parameter_error"] is None else f"{row['parameter_error']:.0%}",
         "processor s": "{cpu_s:.0f}",
     }
-    parts = [(words, [case for _, beside, case in told if bool(beside) is there]) for words, there in _WAYS]
+    counted = [(bool(beside) + (" and " in beside), case) for _, beside, case in told]
+    parts = [(words, [case for number, case in counted if number == place]) for place, words in enumerate(_WAYS)]
     summary = "\n".join(f"{words}:\n\n{as_markdown(some)}" for words, some in parts)
     return results.framed(MEASURED, f"{summary}\n{table_of(cases, columns, 8)}")
 

@@ -73,15 +73,19 @@ def _blind(results: Results) -> str:
 
 
 def _hidden(results: Results) -> str:
-    cases = [case for _, beside, case in in_measured(results) if beside]
-    hiding = [case for case in cases if case.setting != "none"]
-    grades = Counter(case.grade for case in hiding)
+    hiding = [(beside, case) for _, beside, case in in_measured(results) if beside and case.setting != "none"]
+    told = []
+    for words, several in (("one earlier record of the same test", False), ("two", True)):
+        cases = [case for beside, case in hiding if (" and " in beside) is several]
+        grades = Counter(case.grade for case in cases)
+        told.append(
+            f"Beside {words} ({len(cases)} cases) the right name is given in {grades['right']}, several names in "
+            f"{grades['ambiguous']}, one of two effects in {grades['partial']}, none in {grades['declined']}, a wrong "
+            f"one in {grades['wrong']} ({exact_interval(grades['wrong'], len(cases))})."
+        )
     return (
-        f"* In {len(hiding)} measured records a seed hid an effect of a strength that it drew. Beside an earlier "
-        f"record of the same test, the right name is given in {grades['right']}, several names in "
-        f"{grades['ambiguous']}, one of two effects in {grades['partial']}, none in {grades['declined']}, a wrong one "
-        f"in {grades['wrong']} ({exact_interval(grades['wrong'], len(hiding))}). What is found and what is not: "
-        "[docs/discovery-results.md](docs/discovery-results.md#effects-hidden-in-measured-records)."
+        f"* In measured records a seed hid an effect of a strength that it drew. {' '.join(told)} What is found and "
+        "what is not: [docs/discovery-results.md](docs/discovery-results.md#effects-hidden-in-measured-records)."
     )
 
 
