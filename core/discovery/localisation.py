@@ -104,7 +104,9 @@ def _segment(observed: Observations, capacity: float) -> NDArray[np.str_]:
     names = []
     for number, kind in enumerate(step.kind for step in observed.measured_record.record.steps):
         here = observed.step == number
-        rate = abs(float(np.mean(observed.current[here]))) / capacity if np.any(here) else 0.0
+        # Of all samples: averages are closer together at first, where the current of a hold is largest.
+        mean = np.average(observed.current[here], weights=observed.count[here]) if np.any(here) else 0.0
+        rate = abs(float(mean)) / capacity
         after = " after current" if kind is StepKind.REST and number > 0 else ""
         names.append(f"{observed.name}: {kind}{after}" + (f" at {rate:.2g}C" if kind is not StepKind.REST else ""))
     return np.array(names)[observed.step]

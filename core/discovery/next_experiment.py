@@ -26,7 +26,7 @@ class Protocol:
         """The phases as PyBaMM step strings."""
         words = []
         for rate, seconds in self.phases:
-            duration = f"{seconds:g} seconds" if seconds < 120 else f"{seconds / 60:g} minutes"
+            duration = f"{seconds:.3g} seconds" if seconds < 120 else f"{seconds / 60:.3g} minutes"
             action = "Rest" if rate == 0 else f"Discharge at {rate:g}C" if rate > 0 else f"Charge at {-rate:g}C"
             words.append(f"{action} for {duration}")
         return tuple(words)

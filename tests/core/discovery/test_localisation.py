@@ -35,6 +35,17 @@ def test_an_error_under_load_is_found_under_load():
     assert any(sentence.startswith("By time since the last step, ") for sentence in sentences)
 
 
+def test_the_rate_of_a_step_is_that_of_all_its_samples():
+    """Averages are closer together at the beginning of a hold, where its current is largest: 0.17C was 0.44C."""
+    time = np.arange(0.0, 3600.0, 5.0)
+    fading = Trajectory(time, -np.exp(-time / 600.0), np.full(len(time), 4.2), None, (Step(StepKind.CV_HOLD, 0, 720),))
+    o = observe(MeasuredRecord("a", fading, 298.15), 150)
+    places = localise([o], [np.full(len(o), 0.01)], 1.0)
+    (segment,) = (place.where for place in places if place.by == "segment")
+    assert segment == "a: CV hold at 0.17C"
+    assert abs(np.mean(o.current)) > 0.3
+
+
 def test_averages_keep_every_sample_and_the_noise():
     o = observed()
     rng = np.random.default_rng(0)
