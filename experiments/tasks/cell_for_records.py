@@ -262,7 +262,10 @@ def with_chosen_potentials(
             "of another chemistry (sodium, lithium titanate) needs a parameter file of its own (--parameters FILE)."
         )
     others = "; ".join(f"{other}: {1e3 * other.rms_v:.1f} mV" for other in found[1:4])
-    chosen, notes = with_potentials(base, taken), [said + f" The next likeliest: {others}." * bool(others)]
+    if others:
+        nearer = any(other.rms_v < taken.rms_v for other in found[1:4])
+        said += f" The next likeliest: {others}." + " What leaves less needs a less usual polarisation." * nearer
+    chosen, notes = with_potentials(base, taken), [said]
     if parameter_set != NEAREST:
         return chosen, notes
     # The set was chosen for its potentials: the cell's rates are those of any other set as likely.
