@@ -263,8 +263,8 @@ def with_chosen_potentials(
         )
     others = "; ".join(f"{other}: {1e3 * other.rms_v:.1f} mV" for other in found[1:4])
     if others:
-        nearer = any(other.rms_v < taken.rms_v for other in found[1:4])
-        said += f" The next likeliest: {others}." + " What leaves less needs a less usual polarisation." * nearer
+        less_left = any(other.rms_v < taken.rms_v for other in found[1:4])
+        said += f" The next likeliest: {others}." + " What leaves less needs a less usual polarisation." * less_left
     chosen, notes = with_potentials(base, taken), [said]
     if parameter_set != NEAREST:
         return chosen, notes
