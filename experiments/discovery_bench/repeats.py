@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...core.discovery.reference import check_tests, lacking, less
+from ...core.errors import BsaError
 from ...core.rms import rms
 from ..campaign.text_tables import table_of
 from ..discovery_case import DiscoverOptions, read_case
@@ -29,8 +30,10 @@ class Repeat:
 def repeats(options: DiscoverOptions) -> list[Repeat]:
     """Each record beside one to four before it; the options are those of a discovery on these records in their order.
 
-    Raises `BsaError` if the records are not of one test, or cannot be simulated.
+    Raises `BsaError` if there is one record alone, they are not of one test, or cannot be simulated.
     """
+    if len(options.data) < 2:
+        raise BsaError("one record repeats nothing.", "give records of one test, in the order of their dates.")
     setup = set_up(read_case(options), options)
     seen = setup.problem.observations
     check_tests(seen[:1], seen)
@@ -50,11 +53,18 @@ def repeats_table(rows: Sequence[Repeat]) -> str:
     summary = []
     for references in sorted({row.references for row in rows}):
         some = [row for row in rows if row.references == references]
-        ratios = np.percentile([row.ratio for row in some], [50, 90, 100])
-        left = float(np.median([row.left_mv for row in some]))
-        known = float(np.median([row.known_mv for row in some]))
-        summary.append((references, len(some), known, left, *ratios))
-    names = ("references", "records", "known", "left", "median", "ninth", "largest")
+        median, ninth, largest = np.percentile([row.ratio for row in some], [50, 90, 100])
+        summary.append(
+            {
+                "references": references,
+                "records": len(some),
+                "known": float(np.median([row.known_mv for row in some])),
+                "left": float(np.median([row.left_mv for row in some])),
+                "median": float(median),
+                "ninth": float(ninth),
+                "largest": float(largest),
+            }
+        )
     columns = {
         "references": "{references:.0f}",
         "records": "{records:.0f}",
@@ -64,4 +74,4 @@ def repeats_table(rows: Sequence[Repeat]) -> str:
         "90 % of the records": "{ninth:.2f}",
         "largest": "{largest:.2f}",
     }
-    return table_of([dict(zip(names, row, strict=True)) for row in summary], columns, 0)
+    return table_of(summary, columns, 0)

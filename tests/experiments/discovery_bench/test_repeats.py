@@ -4,6 +4,7 @@ import csv
 
 import numpy as np
 import pytest
+from bsa.core.errors import BsaError
 from bsa.core.record import Record
 from bsa.core.segmentation import segment
 from bsa.core.trajectory import Trajectory
@@ -45,3 +46,12 @@ def test_the_table_has_a_line_for_each_number_of_references():
         "| 1 | 2 | 41.0 | 3.0 | 1.00 | 1.40 | 1.50 |",
         "| 2 | 1 | 42.0 | 3.0 | 0.70 | 0.70 | 0.70 |",
     ]
+
+
+def test_one_record_repeats_nothing(tmp_path):
+    write(discharge(0.0), tmp_path / "a.csv")
+    found = CliRunner().invoke(
+        discovery_app, ["repeats", "--data", str(tmp_path / "a.csv"), "--parameters", "Chen2020"]
+    )
+    assert isinstance(found.exception, BsaError)
+    assert "one record repeats nothing" in str(found.exception)
