@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import zero_Celsius
 
-from ..trajectory import FloatArray, StepKind
+from ..trajectory import SECONDS_PER_HOUR, FloatArray, StepKind
 from .observations import Observations
 
 _SINCE_EDGES_S = (0.0, 2.0, 30.0, 300.0, 1200.0, np.inf)
@@ -104,12 +104,19 @@ def _segment(observed: Observations, capacity: float) -> NDArray[np.str_]:
     names = []
     for number, kind in enumerate(step.kind for step in observed.measured_record.record.steps):
         here = observed.step == number
-        # Of all samples: averages are closer together at first, where the current of a hold is largest.
-        mean = np.average(observed.current[here], weights=observed.count[here]) if np.any(here) else 0.0
-        rate = abs(float(mean)) / capacity
+        rate = abs(_mean_current(observed, here)) / capacity
         after = " after current" if kind is StepKind.REST and number > 0 else ""
         names.append(f"{observed.name}: {kind}{after}" + (f" at {rate:.2g}C" if kind is not StepKind.REST else ""))
     return np.array(names)[observed.step]
+
+
+def _mean_current(observed: Observations, here: NDArray[np.bool_]) -> float:
+    """Mean over the time of some averages in a row, A: samples are closer together where the current falls."""
+    if not np.any(here):
+        return 0.0
+    time, charge = observed.time[here], observed.charge[here]
+    took_h = float(time[-1] - time[0]) / SECONDS_PER_HOUR
+    return float(charge[-1] - charge[0]) / took_h if took_h > 0.0 else float(np.mean(observed.current[here]))
 
 
 def _rate(observed: Observations, capacity: float) -> NDArray[np.str_]:

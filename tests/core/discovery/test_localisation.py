@@ -35,9 +35,10 @@ def test_an_error_under_load_is_found_under_load():
     assert any(sentence.startswith("By time since the last step, ") for sentence in sentences)
 
 
-def test_the_rate_of_a_step_is_that_of_all_its_samples():
-    """Averages are closer together at the beginning of a hold, where its current is largest: 0.17C was 0.44C."""
-    time = np.arange(0.0, 3600.0, 5.0)
+@pytest.mark.parametrize("dense", [False, True])
+def test_the_rate_of_a_step_is_its_mean_over_time(dense):
+    """Samples and averages are closer together at the beginning of a hold, where its current is largest."""
+    time = 3600.0 * np.linspace(0.0, 1.0, 720) ** (3.0 if dense else 1.0)
     fading = Trajectory(time, -np.exp(-time / 600.0), np.full(len(time), 4.2), None, (Step(StepKind.CV_HOLD, 0, 720),))
     o = observe(MeasuredRecord("a", fading, 298.15), 150)
     places = localise([o], [np.full(len(o), 0.01)], 1.0)
