@@ -70,3 +70,8 @@ def with_article(noun: object) -> str:
     """``"a float"``, ``"an int"``: a noun, or a type's name, behind the article that its first letter asks for."""
     text = shown(noun)
     return f"{'an' if text[:1].lower() in 'aeio' or text.startswith('ndarray') else 'a'} {text}"
+
+
+def duration(seconds: float) -> str:
+    """A time as a person says it: ``about 2 min``."""
+    return f"about {seconds:.0f} s" if seconds < 90 else f"about {seconds / 60:.0f} min"

@@ -150,7 +150,9 @@ def discover_options(
     if records.joined:
         fitted = [{**fitted[0], "joined": [file["path"] for file in fitted[1:]]}]
     earlier = [
-        {"path": _written(one, number, folder)} if isinstance(one, Record) else reference_files([one], records.reads)[0]
+        {"path": _written(one, number, folder)}
+        if isinstance(one, Record)
+        else {"path": one, **reading_of_references(records.reads).written}
         for number, one in enumerate(reference, len(files) + 1)
     ]
     content = {"data": fitted, "holdout": files[count:], "reference": earlier, "out": folder, **others}
@@ -170,15 +172,14 @@ def discover_options(
     return validated(DiscoverOptions, content, "discovery")
 
 
-def reference_files(paths: Sequence[Path], reads: Sequence[FileReading]) -> list[dict[str, Any]]:
-    """References as options have them, read as all records are. Raises `BsaError` if records are read differently."""
-    if paths and len(reads) > 1:
+def reading_of_references(reads: Sequence[FileReading]) -> FileReading:
+    """How references are read: as all records are. Raises `BsaError` if records are read differently."""
+    if len(reads) > 1:
         raise BsaError(
             "records that are read differently were given with --reference.",
             "write them in one format first: bsa data FILE --export bdf.",
         )
-    (read,) = reads[:1]
-    return [{"path": path, **read.written} for path in paths]
+    return reads[0]
 
 
 def usual_search(parameters: str, reference: Sequence[Any] | None = ()) -> str:

@@ -21,6 +21,7 @@ from ..core.discovery.reference import check_tests, without_known
 from ..core.discovery.simulator import Simulator
 from ..core.effect import Effect
 from ..core.parameters import ParameterSpace
+from ..core.rms import rms
 from ..core.run.journal import Event, OpenJournal
 from ..core.task import CellModel
 from ..plugins.pybamm.augmentation import effects_in
@@ -166,8 +167,8 @@ def set_up(
 
 def _taken_off(measured: Observations, left: Observations, references: Sequence[Observations]) -> str:
     """What is said of a record of which references have taken something off."""
-    known_mv = 1e3 * float(np.sqrt(np.mean((measured.voltage - left.voltage) ** 2)))
-    unsure_mv = 1e3 * float(np.sqrt(np.mean(np.sum(left.systematic**2, axis=1))))
+    known_mv = 1e3 * rms(measured.voltage - left.voltage)
+    unsure_mv = 1e3 * rms(np.linalg.norm(left.systematic, axis=1))
     differ = ", and how far the references differ" if len(references) > 1 else ""
     known = " and ".join(one.name for one in references)
     return (

@@ -156,5 +156,5 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
         )
     source = parameter_source(cell.parameters)
     wanted = CellRequest(source, cell.model or "DFN", cell.options, effects=cell.effects, **asked)
-    task, left_out = build_task(name, wanted, requests, held_out), starts_left_out(cell.parameters)
+    task, left_out = build_task(name, wanted, requests, held_out), starts_left_out(cell.parameters, source)
     return replace(task, notes=(*task.notes, left_out)) if left_out else task

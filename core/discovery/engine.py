@@ -196,17 +196,18 @@ class Engine:
         effect is taken if what it leaves of the best one's gain would not decide between the two. ``scored_with_v`` is
         the misfit that the scores were taken with, V.
         """
-        best = next((n for n in known.nominations if found and (n.effect,) == found[0].effects), None)
-        gain = bic_difference(known.base, found[0]) if best is not None else 0.0
-        if best is None or best.sensitivity is None or gain <= RULES.clear_bic:
+        gain = bic_difference(known.base, found[0]) if found else 0.0
+        if gain <= RULES.clear_bic:
             return []
+        best = next(n.sensitivity for n in known.nominations if (n.effect,) == found[0].effects)
+        assert best is not None  # it had a short fit
         share = 1.0 - RULES.clear_bic / gain
         alike = [
             n
             for n in known.nominations
             if n.screened is None
             and n.sensitivity is not None
-            and overlap(known.refitted.fit, best.sensitivity, n.sensitivity) > share
+            and overlap(known.refitted.fit, best, n.sensitivity) > share
         ]
         near, reached_v = known.early_fitter.problem, known.early_fitter.problem.misfit_v
         near.misfit_v = scored_with_v

@@ -4,7 +4,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from ..printable import counted
+from ..printable import counted, duration
 from .findings import Listener, Nomination
 
 
@@ -49,8 +49,3 @@ class Progress:
             self._done += 1
             place = self._done
         self._say(f"  {candidate}: {outcome} ({place} of {self._total})")
-
-
-def duration(seconds: float) -> str:
-    """A time as a person says it: ``about 2 min``."""
-    return f"about {seconds:.0f} s" if seconds < 90 else f"about {seconds / 60:.0f} min"

@@ -132,7 +132,7 @@ def discover(
     if data is None or parameters is None:
         missing = "data" if data is None else "parameters"
         raise BsaError(f"{missing} is missing.", 'discover("RECORD.csv", parameters="Chen2020"), for example.')
-    from ..discovery_case import discover_options
+    from ..discovery_case import discover_options, reading_of_references
 
     reads = readings(
         column,
@@ -150,7 +150,7 @@ def discover(
     )
     records = records_of(data, holdout, reads, initial_soc, life=life, fit_cycles=fit_cycles)
     references = [
-        one if isinstance(one, Record) else source(one, reads[0].options, number)
+        one if isinstance(one, Record) else source(one, reading_of_references(reads).options, number)
         for number, one in enumerate(listed(reference), 1)
     ]
     asked = discover_options(

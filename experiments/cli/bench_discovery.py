@@ -85,7 +85,7 @@ def hide_command(
     """Hide effects in measured records: blind cases of a real cell, with their answers sealed."""
     from ..discovery_bench.making import make_cases
     from ..discovery_bench.measured_case import hidden_in
-    from ..discovery_case import RecordFile, reference_files, usual_search
+    from ..discovery_case import RecordFile, reading_of_references, usual_search
     from ..read_options import one_each
     from ..tasks.parameter_source import names_a_set
 
@@ -93,11 +93,14 @@ def hide_command(
     records = [read.record(file) for read, file in zip(one_each(reads, len(files)), files, strict=True)]
     if not names_a_set(parameters) and Path(parameters).exists():
         parameters = str(Path(parameters).absolute())  # the cases are run from anywhere
-    earlier = reference_files([path.absolute() for path in reference or ()], reads)
+    earlier = [
+        RecordFile(path=path.absolute(), **reading_of_references(reads).written).model_dump(mode="json")
+        for path in reference or ()
+    ]
     search = search or usual_search(parameters, earlier)
     base: dict[str, Any] = {"parameters": parameters, "model": model, "search": search}
     if earlier:
-        base["reference"] = [RecordFile.model_validate(file).model_dump(mode="json") for file in earlier]
+        base["reference"] = earlier
     make_cases(folder, hidden_in(records[: len(data)], records[len(data) :], base), count, seed, print)
 
 
@@ -122,9 +125,11 @@ def repeats_command(
     from ...core.files import write_csv
     from ...core.validation import validated
     from ..discovery_bench.repeats import repeats, repeats_table
-    from ..discovery_case import DiscoverOptions, reference_files, usual_search
+    from ..discovery_case import DiscoverOptions, usual_search
+    from ..read_options import one_each
 
-    files = reference_files(data, reading.readings())
+    reads = one_each(reading.readings(), len(data))
+    files = [{"path": path, **read.written} for path, read in zip(data, reads, strict=True)]
     search = usual_search(parameters, files)
     asked = {"data": files, "parameters": parameters, "model": model, "search": search, "out": out.parent}
     rows = repeats(validated(DiscoverOptions, asked, "discovery"))

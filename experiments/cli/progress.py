@@ -8,9 +8,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Self, TextIO
 
-from ...core.discovery.progress import duration
 from ...core.messages import Usage
-from ...core.printable import counted, one_line, strip_control
+from ...core.printable import counted, duration, one_line, strip_control
 from ...core.run.listener import Listener
 
 if TYPE_CHECKING:

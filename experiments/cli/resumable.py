@@ -14,21 +14,26 @@ def resumable(folder: Path, command: str) -> Iterator[None]:
 
     Its first event says only what was asked.
     """
-    written = max(_events(folder), 1)
+    written = _journal_size(folder)
     try:
         yield
     except BsaError as error:
-        if _events(folder) <= written:
+        if _journal_size(folder) <= max(written, _first_event_size(folder)):
             raise
         raise BsaError(error.message, f"{_sentence(error.hint)}Then go on with: {command}") from error
 
 
-def _events(folder: Path) -> int:
+def _journal_size(folder: Path) -> int:
+    path = folder / FILE_NAME
+    return path.stat().st_size if path.is_file() else 0
+
+
+def _first_event_size(folder: Path) -> int:
     path = folder / FILE_NAME
     if not path.is_file():
         return 0
     with path.open("rb") as lines:
-        return sum(1 for _ in lines)
+        return len(lines.readline())
 
 
 def _sentence(hint: str) -> str:

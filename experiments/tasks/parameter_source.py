@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...core.comparison.signal_metrics import voltage_rmse_mv
-from ...core.encoding import encode_parameter, encode_task
+from ...core.encoding import decode_parameter, encode_parameter, encode_task
 from ...core.errors import BsaError
 from ...core.files import file_error
 from ...core.parameters import Parameter, ParameterSpace
@@ -79,12 +79,16 @@ def found_cell(given: str) -> FoundCell | None:
     return FoundCell(_without_effects(run), cell.options, cell.effects, strengths, left_v)
 
 
-def starts_left_out(given: ParameterSource) -> str:
-    """What is said of a run whose fitted starts of records the set that it is taken for cannot hold; empty for none."""
+def starts_left_out(given: ParameterSource, found: ParameterSource) -> str:
+    """What is said of a run whose fitted starts of records the set that it is taken for cannot hold; empty for none.
+
+    ``found`` is what ``given`` means, see `parameter_source`.
+    """
     folder = None if isinstance(given, ParameterFile) else _run_named(given)
-    if folder is None or not any(
-        isinstance(p.target, InitialSoc | InitialVoltage) for p in read_run(folder).task.space
-    ):
+    if folder is None or not isinstance(found, ParameterFile):
+        return ""
+    searched = [decode_parameter(one).target for one in json.loads(found.text)["space"]]
+    if not any(isinstance(target, InitialSoc | InitialVoltage) for target in searched):
         return ""
     return (
         "the states in which the run's records start were fitted too, and are no part of the cell that --parameters "

@@ -22,7 +22,7 @@ from bsa.experiments.discovery_case import (
     DiscoverOptions,
     discover_options,
     read_case,
-    reference_files,
+    reading_of_references,
     spreads_of,
 )
 from bsa.experiments.discovery_journal import opened, read_options
@@ -146,7 +146,7 @@ def test_each_record_has_its_reference_or_none_has(tmp_path):
     assert told.search == "unchanged"
     assert [file.path for file in told.reference] == files[2:]
     with pytest.raises(BsaError, match="read differently"):
-        reference_files(files[2:], [FileReading(), FileReading()])
+        reading_of_references([FileReading(), FileReading()])
 
 
 def test_a_contact_resistance_of_the_set_that_the_model_does_not_use_is_taken_out(tmp_path):

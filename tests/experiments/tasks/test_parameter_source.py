@@ -129,8 +129,12 @@ def test_starts_that_a_parameter_set_cannot_hold_are_said_to_begin_anew(tmp_path
     """The correction of a rest voltage was lost without a word: the cell that left 5 mV left 53."""
     (tmp_path / "journal.jsonl").touch()
     run = finished(task_of(at_rest("a", 3.9)))
+
+    def said(given: str) -> str:
+        return starts_left_out(given, parameter_source(given))
+
     monkeypatch.setattr(parameter_source_module, "read_run", lambda folder: run)
-    assert starts_left_out(str(tmp_path)).endswith(f"To keep them: --start-from {tmp_path}")
-    unmoved = replace(run, task=replace(run.task, space=ParameterSpace((run.task.space[SHAPE],))))
+    assert said(str(tmp_path)).endswith(f"To keep them: --start-from {tmp_path}")
+    unmoved = finished(replace(run.task, space=ParameterSpace((run.task.space[SHAPE],))))
     monkeypatch.setattr(parameter_source_module, "read_run", lambda folder: unmoved)
-    assert starts_left_out(str(tmp_path)) == starts_left_out("Chen2020") == ""
+    assert said(str(tmp_path)) == said("Chen2020") == ""
