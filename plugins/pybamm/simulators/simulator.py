@@ -79,7 +79,7 @@ class PyBaMMSimulator:
 
     @hookimpl
     def simulate_low_fidelity(self, candidates: Sequence[Candidate]) -> Iterator[tuple[int, Outcome]] | None:
-        """Simulate a DFN on a mesh of half the points, or by SPMe; the other models have none that costs much less."""
+        """Simulate a DFN on a coarser mesh; the other models take hardly less time on one."""
         if self._task.cell.model != "DFN" or any(experiment.long for experiment in self._task.experiments):
             return None
         return self._pool.simulate_low_fidelity(candidates)

@@ -1,14 +1,11 @@
 """Which way an experiment is simulated: by its protocol, as a life, by its measured current, or as a spectrum."""
 
 from collections.abc import Callable, Mapping
-from contextlib import suppress
-from dataclasses import replace
 
-from ....core.errors import BsaError
 from ....core.simulation import ExperimentRun
 from ....core.target import CellChange, Target
 from ....core.task import CellModel, Experiment
-from ..modelling.resolution import LOW_FIDELITY, REFERENCE, SEARCH, Resolution
+from ..modelling.resolution import DRIVEN_LOW_FIDELITY, LOW_FIDELITY, REFERENCE, SEARCH, Resolution
 from .compiled import CompiledExperiment
 from .driven_experiment import DrivenExperiment
 from .long_experiment import LongExperiment
@@ -22,11 +19,8 @@ def compiled(
 ) -> Simulated:
     """An experiment that can be solved for many candidates, as in a search or by the low-fidelity model of a DFN."""
     kind = _kind(experiment)
-    # Under a protocol DFN stays: where the salt runs out decides when a step ends.
     if resolution == LOW_FIDELITY and kind is DrivenExperiment:
-        # Not every option and effect is one of SPMe.
-        with suppress(BsaError):
-            return kind(replace(cell, model="SPMe"), experiment, targets, resolution)
+        resolution = DRIVEN_LOW_FIDELITY
     return kind(cell, experiment, targets, resolution)
 
 
