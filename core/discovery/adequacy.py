@@ -1,6 +1,5 @@
 """Whether what is left is noise: tests of size and of structure."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,12 +39,9 @@ class Adequacy:
 
 
 def judge(
-    weighted: Sequence[FloatArray],
-    groups: Sequence[NDArray[np.intp]],
-    taken: FloatArray | None = None,
-    noise_freedom: float = np.inf,
+    residual: FloatArray, steps: NDArray[np.intp], taken: FloatArray | None = None, noise_freedom: float = np.inf
 ) -> Adequacy:
-    """Test whether the residuals of several records are noise.
+    """Test whether residuals are noise.
 
     Two tests. Size: the sum of their squares. Structure: the sum of squares of the means of blocks of four neighbours
     within a step, scaled to unit variance. Four neighbours that are all off by half a standard deviation pass the
@@ -54,11 +50,11 @@ def judge(
 
     Parameters
     ----------
-    weighted : sequence of ndarray
-        Residuals of each record, in standard deviations. These contain the floor below which differences are not
-        physics, so that false alarms are rarer than stated.
-    groups : sequence of ndarray of int
-        The step of each residual.
+    residual : ndarray of shape (n,)
+        Residuals in standard deviations. These contain the floor below which differences are not physics, so that false
+        alarms are rarer than stated.
+    steps : ndarray of int, shape (n,)
+        The step of each residual; neighbours that belong to different records are in different steps.
     taken : ndarray of shape (n, k), optional
         What the fit has removed from the noise of all residuals: the residuals of noise have the covariance
         ``1 - taken @ taken.T`` (`Refit.taken`). Responses that are smooth take nearly all of their freedom from the
@@ -67,29 +63,19 @@ def judge(
         Degrees of freedom of the estimated standard deviations: sums of squares are compared with the F distribution,
         or with chi-squared where the deviations are known (infinite).
     """
-    flat = np.concatenate(list(weighted))
-    removed = np.zeros((len(flat), 0)) if taken is None else taken
-    blocks = _blocks(groups)
-    tamed = np.concatenate([_without_lone(one, group) for one, group in zip(weighted, groups, strict=True)])
-    products: list[float] = []
-    for residual, group in zip(weighted, groups, strict=True):
-        same = group[1:] == group[:-1]
-        products += list((residual[1:] * residual[:-1])[same])
-    power = max(float(flat @ flat) / len(flat), 1e-12)
-    correlation = float(np.clip(np.mean(products) / power, 0.0, 0.95)) if products else 0.0
+    removed = np.zeros((len(residual), 0)) if taken is None else taken
+    begins = np.append(True, steps[1:] != steps[:-1])
+    first = np.flatnonzero(begins)[np.cumsum(begins) - 1]
+    blocks = np.cumsum(begins | ((np.arange(len(steps)) - first) % _BLOCK == 0)) - 1
+    tamed = _without_lone(residual, steps)
+    products = (residual[1:] * residual[:-1])[~begins[1:]]
+    power = max(float(residual @ residual) / len(residual), 1e-12)
+    correlation = float(np.clip(np.mean(products) / power, 0.0, 0.95)) if len(products) else 0.0
     return Adequacy(
         _exceeded(tamed, removed, noise_freedom),
         _exceeded(_of_blocks(tamed, blocks), _of_blocks(removed, blocks), noise_freedom),
         (1 + correlation) / (1 - correlation),
     )
-
-
-def _blocks(groups: Sequence[NDArray[np.intp]]) -> NDArray[np.intp]:
-    """Number of the block of each residual, shape (n,): up to four neighbours of one step of one record."""
-    steps = np.concatenate([np.column_stack([np.full(len(group), n), group]) for n, group in enumerate(groups)])
-    begins = np.concatenate([[True], np.any(steps[1:] != steps[:-1], axis=1)])
-    first = np.flatnonzero(begins)[np.cumsum(begins) - 1]
-    return np.asarray(np.cumsum(begins | ((np.arange(len(steps)) - first) % _BLOCK == 0)) - 1)
 
 
 def _of_blocks(values: FloatArray, blocks: NDArray[np.intp]) -> FloatArray:

@@ -63,14 +63,14 @@ def _undrifted(observed: Observations, error: FloatArray) -> int | None:
 
 def _cut(problem: Problem, counts: Sequence[int | None]) -> Problem:
     observations = [_first(*pair) for pair in zip(problem.observations, counts, strict=True)]
-    sizes = {observed.name: len(observed) for observed in (*observations, *problem.held_observations)}
+    sizes = {observed.name: len(observed) for observed in observations}
     return Problem(
         problem.simulator,
         observations,
         problem.held_observations,
-        {name: change[: sizes[name]] for name, change in problem.corrections.items()},
-        {name: sigma[: sizes[name]] for name, sigma in problem.mesh_sigma.items()},
-        masks=[mask[: len(observed)] for mask, observed in zip(problem.fitted, observations, strict=True)],
+        {name: change[: sizes.get(name)] for name, change in problem.corrections.items()},
+        {name: sigma[: sizes.get(name)] for name, sigma in problem.mesh_sigma.items()},
+        fitted=[mask[: len(observed)] for mask, observed in zip(problem.fitted, observations, strict=True)],
     )
 
 

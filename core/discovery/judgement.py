@@ -9,7 +9,7 @@ from ..rms import rms
 from ..trajectory import FloatArray
 from .adequacy import judge
 from .explanation import Explanation, estimates_of, temperature_misfit
-from .observations import freedom_of_deviations, subset
+from .observations import freedom_of_deviations
 from .problem import Problem
 from .refit import Refit
 from .rules import bic_difference
@@ -20,17 +20,13 @@ def explain(problem: Problem, effects: tuple[Effect, ...], fit: Refit) -> Explan
     """A fit with its judgement: adequacy, errors on fitted and held-out data, estimates with intervals."""
     predictions = problem.predict(effects, fit.candidate)
     assert predictions is not None, "a fit ends where it could be simulated"
-    masks = list(zip(problem.observations, problem.errors(predictions), problem.fitted, strict=True))
-    parts = [error[mask] for _, error, mask in masks]
-    sigmas = [problem.sigma(observed)[mask] for observed, _, mask in masks]
-    adequacy = judge(
-        [part / sigma for part, sigma in zip(parts, sigmas, strict=True)],
-        [observed.step[mask] for observed, _, mask in masks],
-        fit.taken,
-        freedom_of_deviations([subset(observed, mask) for observed, _, mask in masks], sigmas),
-    )
-    counts = np.concatenate([observed.count[mask] for observed, _, mask in masks])
-    volts, sigma = np.concatenate(parts), np.concatenate(sigmas)
+    errors = zip(problem.errors(predictions), problem.fitted, strict=True)
+    volts = np.concatenate([error[mask] for error, mask in errors])
+    sigmas = [problem.sigma(one)[mask] for one, mask in zip(problem.observations, problem.fitted, strict=True)]
+    sigma = np.concatenate(sigmas)
+    steps = np.cumsum(np.concatenate([np.diff(one.step, prepend=-1) != 0 for one in problem.stretches]))
+    adequacy = judge(volts / sigma, steps, fit.taken, freedom_of_deviations(problem.stretches, sigmas))
+    counts = np.concatenate([one.count for one in problem.stretches])
     rmse = _sample_rmse(volts, counts, problem.noise_v)
     held_rmse, held_errors = _held(problem, effects, fit)
     kelvin = _temperature_error(problem, predictions)

@@ -196,7 +196,7 @@ class LifeEngine:
         found = Explanation(
             effects,
             fit,
-            judge([errors / sigma], [steps], np.hstack([self._changes.taken, fit.taken])),
+            judge(errors / sigma, steps, np.hstack([self._changes.taken, fit.taken])),
             DEVIATION_V * of_cycles(all_cycles, self._changes.fitted),
             DEVIATION_V * of_cycles(all_cycles, self._changes.held),
             errors,

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,9 +30,6 @@ _SINGLE = 5
 _PARTS = 12
 """Parts of the charge of a varying current between which the slope of its voltage is taken: some minutes each, over
 which a drive cycle's currents average out, and as many as the averages of the shortest step."""
-
-_BY_STRETCH = ("time", "current", "voltage", "sigma", "count", "step", "cycle", "since", "charge", "systematic")
-"""Fields of `Observations` that have an entry for each stretch; the temperature, where it was measured, has too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +93,7 @@ def observe(measured_record: MeasuredRecord, points: int = 500, floor_v: float =
     starts = np.array([record.time[max(step.start - 1, 0)] for step in record.steps])
     jitter = CLOCK_SHARE * _neighbour_change(record.voltage)
     # Errors of the clock within a stretch do not average out the way noise does, but a stretch is mostly flat.
-    clock = np.array([float(np.sqrt(np.mean(jitter[group] ** 2) / len(group))) for group in groups])
+    clock = np.sqrt(mean(jitter**2) / count)
     charge = np.interp(mean(record.time), record.time, record.discharge_capacity)
     voltage = mean(record.voltage)
     driven = np.array([step.kind is StepKind.DRIVE for step in record.steps])[index]
@@ -231,10 +229,10 @@ def subset(observed: Observations, mask: NDArray[np.bool_]) -> Observations:
     """The stretches that a mask of shape (n,) picks."""
     moments = observed.moments
     kept = mask[moments.stretch]
+    by_stretch: dict[str, Any] = {k: v[mask] for k, v in vars(observed).items() if isinstance(v, np.ndarray)}
     return replace(
         observed,
-        **{name: getattr(observed, name)[mask] for name in _BY_STRETCH},
-        temperature=None if observed.temperature is None else observed.temperature[mask],
+        **by_stretch,
         moments=Moments(
             moments.time[kept],
             moments.current[kept],

@@ -70,20 +70,22 @@ class Problem:
     mesh_sigma: dict[str, FloatArray] = field(default_factory=dict)
     # By record: which stretches are fitted. Left out, all are where there is a hold-out record; but of records of
     # many cycles every fifth block is held out in any case: a hold-out record of a cycle or two shows no ageing.
-    masks: Sequence[NDArray[np.bool_]] | None = None
+    fitted: Sequence[NDArray[np.bool_]] = ()
     low_fidelity: bool = False  # Whether the simulator's cheaper model predicts; see `shifted_low_fidelity`.
     misfit_v: float = 0.0
     """Added in quadrature to every deviation of a fit, V. While no model comes near the data, the priors of the
     parameters, and the flat parts of a record beside its steep ones, must count against the misfit, not the noise."""
 
     def __post_init__(self) -> None:
-        self.fitted = [self._fitted_mask(one) for one in self.observations] if self.masks is None else list(self.masks)
-        """By record: which stretches are fitted."""
-        if self.masks is None and not self.held_observations and all(np.all(mask) for mask in self.fitted):
-            raise BsaError(
-                f"the records have at most {_BLOCK} averages each: none can be held out to test what is found.",
-                "give a record that is not fitted with --holdout.",
-            )
+        if not self.fitted:
+            self.fitted = [self._fitted_mask(observed) for observed in self.observations]
+            if not self.held_observations and all(np.all(mask) for mask in self.fitted):
+                raise BsaError(
+                    f"the records have at most {_BLOCK} averages each: none can be held out to test what is found.",
+                    "give a record that is not fitted with --holdout.",
+                )
+        self.stretches = [subset(*pair) for pair in zip(self.observations, self.fitted, strict=True)]
+        """By record: the averages that are fitted."""
         self._held_start: dict[tuple[str, str], Candidate] = {}
         self._corrected_at: tuple[tuple[Effect, ...], dict[str, float]] | None = None
         records = [observed.measured_record for observed in (*self.observations, *self.held_observations)]
@@ -137,9 +139,11 @@ class Problem:
         self, wanted: Sequence[tuple[Sequence[Effect], Candidate, Observations]], fine: bool = False
     ) -> Sequence[Prediction | None]:
         found = self.simulator.predict([self._request(*one, fine) for one in wanted])
-        if fine:
-            return found
-        return [self._corrected(one[2], prediction) for one, prediction in zip(wanted, found, strict=True)]
+        changes = [self.corrections.get(observed.name) for *_, observed in wanted]
+        return [
+            one if one is None or change is None else replace(one, voltage=one.voltage + change)
+            for one, change in zip(found, changes, strict=True)
+        ]
 
     def _request(self, effects: Sequence[Effect], candidate: Candidate, observed: Observations, fine: bool) -> Request:
         """The simulation of one record, without what acts on others: where that alone changes, it is the same."""
@@ -148,12 +152,6 @@ class Problem:
         soc, offset = candidate.get(record.soc_name), candidate.get(record.offset_name, 0.0)
         fidelity = self.low_fidelity
         return Request(tuple(effects), everywhere, record, observed.moments, fine, soc, offset, fidelity)
-
-    def _corrected(self, observed: Observations, prediction: Prediction | None) -> Prediction | None:
-        correction = self.corrections.get(observed.name)
-        if prediction is None or correction is None:
-            return prediction
-        return Prediction(prediction.voltage + correction, prediction.temperature)
 
     def errors(self, predictions: Sequence[Prediction]) -> list[FloatArray]:
         """Measured minus predicted voltage by record, V."""
@@ -182,11 +180,10 @@ class Problem:
         what references have taken off.
         """
         blocks = []
-        for observed, mask in zip(self.observations, self.fitted, strict=True):
-            steps = observed.step[mask]
-            floors = observed.floor * (steps[:, None] == np.unique(steps))
-            mesh = UNSURE * self.corrections.get(observed.name, np.zeros(len(observed)))
-            blocks.append(np.column_stack([floors, mesh[mask], observed.systematic[mask]]))
+        for observed, mask in zip(self.stretches, self.fitted, strict=True):
+            floors = observed.floor * (observed.step[:, None] == np.unique(observed.step))
+            mesh = UNSURE * self.corrections.get(observed.name, np.zeros(len(mask)))
+            blocks.append(np.column_stack([floors, mesh[mask], observed.systematic]))
         return np.asarray(block_diag(*blocks))
 
     def deviation(self) -> FloatArray:
@@ -255,7 +252,7 @@ class Problem:
         """
         if self.low_fidelity or not self.simulator.has_low_fidelity:
             return None
-        low = replace(self, masks=self.fitted, low_fidelity=True, corrections={})
+        low = replace(self, low_fidelity=True, corrections={})
         for observed in (*self.observations, *self.held_observations):
             ours, theirs = (one._at_first_soc(effects, candidate, observed) for one in (self, low))
             if ours is None or theirs is None:
@@ -273,27 +270,19 @@ class Problem:
         A hold-out record's initial state of charge is not known either. It is fitted to the record, as that of
         each fitted record is, for every explanation alike; nothing else of the record is used.
         """
-        result = self._kept_back(effects, candidate)
-        if result is None:
-            return None
+        result: list[tuple[Observations, FloatArray]] = []
+        if not all(np.all(mask) for mask in self.fitted):
+            predictions = self.predict(effects, candidate)
+            if predictions is None:
+                return None
+            rows = zip(self.observations, self.fitted, self.errors(predictions), strict=True)
+            result = [(subset(observed, ~mask), error[~mask]) for observed, mask, error in rows if not np.all(mask)]
         for observed in self.held_observations:
             error = self._held_error(effects, candidate, observed)
             if error is None:
                 return None
             result.append((observed, error))
         return result
-
-    def _kept_back(
-        self, effects: Sequence[Effect], candidate: Candidate
-    ) -> list[tuple[Observations, FloatArray]] | None:
-        """Errors (V) on the stretches of fitted records that are held out; None if a simulation fails."""
-        if all(np.all(mask) for mask in self.fitted):
-            return []
-        predictions = self.predict(effects, candidate)
-        if predictions is None:
-            return None
-        rows = zip(self.observations, self.fitted, self.errors(predictions), strict=True)
-        return [(subset(observed, ~mask), error[~mask]) for observed, mask, error in rows if not np.all(mask)]
 
     def _held_error(self, effects: Sequence[Effect], candidate: Candidate, observed: Observations) -> FloatArray | None:
         """Errors (V) of a hold-out record with what acts on it alone fitted; None if it cannot be simulated."""

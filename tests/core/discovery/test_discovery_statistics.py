@@ -43,7 +43,7 @@ def test_false_alarms_stay_at_the_stated_rate():
     for _ in range(600):
         residual = rng.normal(size=200)
         group = np.repeat(np.arange(5), 40)
-        alarms += not judge([residual], [group]).adequate
+        alarms += not judge(residual, group).adequate
     assert alarms / 600 < 2.5 * FALSE_ALARM
 
 
@@ -69,7 +69,7 @@ def test_noise_that_a_record_tells_itself_raises_no_false_alarms(count, noise_v,
             seen = rounding_v * np.round(seen / rounding_v)
         found = observe(MeasuredRecord("r", discharge(time, seen)))
         residual = (found.voltage - np.interp(found.time, time, true)) / found.sigma
-        alarms += not judge([residual], [found.step], None, freedom_of_deviations([found], [found.sigma])).adequate
+        alarms += not judge(residual, found.step, None, freedom_of_deviations([found], [found.sigma])).adequate
     assert alarms <= 3
 
 
@@ -79,7 +79,7 @@ def test_a_reading_that_stands_alone_is_no_discrepancy_and_neighbours_or_the_end
     for places, adequate in (([100], True), ([100, 200], True), ([100, 101, 102, 103], False), ([299], False)):
         residual = noise.copy()
         residual[places] += 15.0
-        assert judge([residual], [step]).adequate == adequate, places
+        assert judge(residual, step).adequate == adequate, places
 
 
 def test_deviations_that_are_mostly_floor_are_known():
@@ -103,7 +103,7 @@ def test_parameters_that_priors_hold_raise_no_false_alarms():
         seen = jacobian @ rng.normal(size=10) + rng.normal(size=200)
         u = np.linalg.solve(jacobian.T @ jacobian + np.eye(10), jacobian.T @ seen)
         fit = Refit(held, u, seen - jacobian @ u, -jacobian, True)
-        alarms += not judge([fit.residual], [np.zeros(200, dtype=int)], fit.taken).adequate
+        alarms += not judge(fit.residual, np.zeros(200, dtype=int), fit.taken).adequate
     assert 0.5 < np.sum(fit.taken**2) < 2.0
     assert alarms / 1500 < 2.0 * FALSE_ALARM
 
@@ -123,19 +123,19 @@ def test_what_a_fit_takes_from_noise_raises_no_false_alarms(count, parameters, s
         seen = rng.normal(size=count)
         u = np.linalg.lstsq(responses, seen, rcond=None)[0]
         fit = Refit(space(parameters), u, seen - responses @ u, -responses, True)
-        alarms += not judge([fit.residual], [step], fit.taken).adequate
+        alarms += not judge(fit.residual, step, fit.taken).adequate
     assert alarms / 400 < 2.5 * FALSE_ALARM
 
 
 def test_a_fit_with_as_many_parameters_as_residuals_leaves_no_evidence():
-    found = judge([np.full(4, 9.0)], [np.zeros(4, dtype=int)], np.eye(4))
+    found = judge(np.full(4, 9.0), np.zeros(4, dtype=int), np.eye(4))
     assert (found.p_size, found.p_structure) == (1.0, 1.0)
 
 
 def test_agreement_of_neighbours_is_seen_where_size_is_not():
     rng = np.random.default_rng(6)
     residual = 0.75 * rng.normal(size=400) + 0.7 * np.sign(np.sin(np.arange(400) / 12.7))
-    found = judge([residual], [np.zeros(400, dtype=int)])
+    found = judge(residual, np.zeros(400, dtype=int))
     assert found.p_size > 1e-3
     assert not found.adequate
 
