@@ -158,6 +158,10 @@ class Effect:
         """Whether a person's name means this effect; that without a variant means all variants."""
         return name in (self.name, self.key, self.entry_name)
 
+    def lacking(self, evidence: Evidence) -> str:
+        """Why records cannot show it, or the model already has it; empty if neither is so."""
+        return "" if self.lacks is None else self.lacks(evidence)
+
     @property
     def strength(self) -> EffectParameter:
         """The parameter whose null value switches the effect off."""

@@ -105,13 +105,9 @@ def _considered(task: Task, options: DiscoverOptions, notes: list[str]) -> list[
     """All effects of ageing, or those that were named, each with why it cannot be the mechanism, if so."""
     evidence = Evidence(task.cell.model, task.cell.options, task.experiments[0].target.cycles[-1], 0.0, 1.0)
     effects = effects_of(options.effects, None, options.effect_options, notes.append)
-    return [Nomination(effect, _lacking(effect, evidence)) for effect in effects if effect.ages or options.effects]
-
-
-def _lacking(effect: Effect, evidence: Evidence) -> str:
-    if not effect.ages:
-        return "does not change the cell from cycle to cycle"
-    return effect.lacks(evidence) if effect.lacks else ""
+    idle = "does not change the cell from cycle to cycle"
+    asked = [effect for effect in effects if effect.ages or options.effects]
+    return [Nomination(effect, effect.lacking(evidence) if effect.ages else idle) for effect in asked]
 
 
 def _simulating(simulator: Answering[LifeRequest, LifeResiduals], cell: Candidate) -> Simulate:

@@ -14,12 +14,18 @@ from ..printable import counted
 from .base_fit import calibrate, near_new, temper, without
 from .explanation import Explanation
 from .findings import Findings, Gap, Listener, Nomination, Settings
-from .fitting import LAG, Fitter
+from .fitting import LAG, REFIT_BUDGET, Fitter
 from .nomination import most_simulations, nominate, nominate_second, screen
 from .problem import Problem
 from .progress import Progress
 from .rules import RULES, bic_difference, ranked
 from .score import overlap
+
+_SCREENED = 6
+"""Effects that get a short fit."""
+
+_CONFIRMED = 4
+"""Explanations that are fitted on, side by side, until one is settled."""
 
 _SECOND_EFFECTS = 4
 """Second effects that get a short fit beside a first one."""
@@ -69,7 +75,7 @@ class Engine:
         self.catalogue = tuple(catalogue)
         self.evidence = evidence
         self.settings = settings or Settings()
-        self._fitter = Fitter(problem, space, self.settings, listener)
+        self._fitter = Fitter(problem, space, listener)
         self._say = listener
         self._progress = Progress(listener)
         self._preferred = preferred
@@ -77,7 +83,7 @@ class Engine:
     def shortlist(self) -> Shortlist:
         """Calibrate the base model, and score every effect on what it leaves."""
         fitter = self._fitter
-        base = calibrate(fitter)
+        base = calibrate(fitter, seed=self.settings.seed)
         if base.adequacy.adequate:
             return Shortlist(base, fitter, base, False, [])
         self._say(f"noise does not explain the {1e3 * base.rmse_v:.2f} mV that are left; scoring effects")
@@ -86,7 +92,7 @@ class Engine:
         if near is None and refitted.rmse_v < base.rmse_v:
             base = refitted
         early_fitter, refitted = early_fitter.on_low_fidelity(refitted) or (early_fitter, refitted)
-        nominations = nominate(early_fitter, refitted, self.catalogue, self.evidence, self._say)
+        nominations = nominate(early_fitter, refitted, self.catalogue, self.evidence)
         return Shortlist(base, early_fitter, refitted, near is not None, nominations)
 
     def run(self) -> Findings:
@@ -112,7 +118,8 @@ class Engine:
         unfinished = bool(explanations) and not explanations[0].adequacy.adequate
         if unfinished and self._may_name_two:
             explanations = self._with_mesh_of_best(self.add_second(base, explanations, nominations))
-        explanations = self._exact(explanations)
+        # Those that decide end on the base model's own Jacobians.
+        explanations = self._fitted_on(explanations, self._fitter.exact)
         for explanation in explanations:
             # Some were fitted on after their line was said. The verdict is on the last fits.
             self._fitter.tell(base, explanation, unless_told=True)
@@ -140,7 +147,7 @@ class Engine:
             return base, explanations
         if better.inflated_noise_v < self.problem.misfit_v:
             self.problem.misfit_v = better.inflated_noise_v
-            better = self._fitter.again(better, self.settings.refit_budget // 2)
+            better = self._fitter.again(better, REFIT_BUDGET // 2)
         # The gap is measured from the nearer of the two, see `Gap`.
         farther = better.rmse_v > base.rmse_v
         why = " (likelier, though farther off than the first fit, from which the report measures the gap)" * farther
@@ -163,11 +170,10 @@ class Engine:
         fitter, before, nominations = known.early_fitter, known.refitted, known.nominations
         keys = list(self._preferred(before, nominations)) if self._preferred is not None else []
         scored = [n for n in nominations if n.gain > 0]
-        first = self.settings.screened
-        chosen = [n for place, n in enumerate(scored) if place < first or n.effect.key in keys]
+        chosen = [n for place, n in enumerate(scored) if place < _SCREENED or n.effect.key in keys]
         self._say(f"short fits of {counted(len(chosen), 'effect')}")
         # Before the last level of a race, which gets the whole budget, there may be three of a third.
-        whole = 2 * min(len(chosen), self.settings.confirmed) * self.settings.refit_budget
+        whole = 2 * min(len(chosen), _CONFIRMED) * REFIT_BUDGET
         self._progress.estimate(self.problem.simulated, len(chosen) * most_simulations(before) + whole)
         misfit_v = fitter.problem.misfit_v
         self._screen(fitter, before, chosen, as_new=known.as_new)
@@ -228,7 +234,8 @@ class Engine:
 
         def one(nomination: Nomination) -> None:
             screen(fitter, before, nomination, as_new, either_sign)
-            self._progress.refitted(nomination, before.cost)
+            left = f"a short fit leaves {nomination.promise / before.cost:.0%} of the squared misfit"
+            self._progress.ended(nomination.effect.key, "cannot be fitted" if nomination.screened is None else left)
 
         self.problem.side_by_side([partial(one, nomination) for nomination in nominations])
 
@@ -237,7 +244,7 @@ class Engine:
 
         ``near`` is the problem of the short fits.
         """
-        best = sorted(screened, key=lambda n: n.promise)[: self.settings.confirmed]
+        best = sorted(screened, key=lambda n: n.promise)[:_CONFIRMED]
         fits = [
             (n.effects, n.screened)
             for place, n in enumerate(best)
@@ -255,7 +262,7 @@ class Engine:
         self.problem.misfit_v = singles[0].inflated_noise_v
         # No second effect is added to one that is no better than the base model.
         firsts = [e for e in singles[:2] if e is singles[0] or bic_difference(base, e) > 0]
-        nearer = ranked([self._fitter.again(e, self.settings.refit_budget // 2) for e in firsts])
+        nearer = ranked([self._fitter.again(e, REFIT_BUDGET // 2) for e in firsts])
         everything = ranked([*nearer, *singles[len(firsts) :]])
         if (1.0 - RULES.held_margin) * nearer[0].held_rmse_v >= self.problem.held_noise_v:
             # Else no pair could predict data not fitted clearly better.
@@ -305,13 +312,12 @@ class Engine:
             for n in screened
             if n.screened is not None and n.effect.key not in known
         ]
-        again = self.problem.side_by_side(fits)
-        for found in again:
-            known_one = next((e for e in result if found is not None and e.label == found.label), None)
-            if found is not None and (known_one is None or bic_difference(known_one, found) > 0):
+        best = {e.label: e for e in result}
+        for found in self.problem.side_by_side(fits):
+            if found is not None and (found.label not in best or bic_difference(best[found.label], found) > 0):
                 self._fitter.tell(base, found)
-                result = [*(e for e in result if e is not known_one), found]
-        result = ranked(result)
+                best[found.label] = found
+        result = ranked(list(best.values()))
         # What comes nearer than anything before it is fitted on: less misfit counts as noise.
         return result if result[0] is leader else self._converge(base, result, 1)
 
@@ -342,12 +348,8 @@ class Engine:
             if not self.problem.correct_mesh_anew(best.effects, best.fit.candidate):
                 break
             self.problem.misfit_v = min(self.problem.misfit_v, best.counts_as_noise_v)
-            result = self._fitted_on(result, partial(self._fitter.again, budget=self.settings.refit_budget // 2))
+            result = self._fitted_on(result, partial(self._fitter.again, budget=REFIT_BUDGET // 2))
         return result
-
-    def _exact(self, explanations: Sequence[Explanation]) -> list[Explanation]:
-        """The same, where those that decide end on the base model's own Jacobians."""
-        return self._fitted_on(explanations, self._fitter.exact)
 
     def _fitted_on(
         self, explanations: Sequence[Explanation], go_on: Callable[[Explanation], Explanation]

@@ -21,12 +21,7 @@ class Settings:
     """How hard to look."""
 
     max_effects: int = 2  # Effects in one explanation at most.
-    screened: int = 6  # Effects that get a short fit.
-    confirmed: int = 4  # Explanations that are fitted on, side by side, until one is settled.
-    # base_budget, refit_budget: Simulations of the base fit and of each confirmation at most.
-    base_budget: int = 110
-    refit_budget: int = 90
-    seed: int = 0  # For the second start of the base fit.
+    seed: int = 0  # For the further starts of the base fit.
     # What the base model left of records of the same cell that it was fitted to before, root mean square, V.
     known_v: float = 0.0
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +15,14 @@ from ..parameters import ParameterSpace
 from ..target import CurrentOffset, InitialSoc
 from ..trajectory import FloatArray
 from .explanation import NEAR_V, Explanation
-from .findings import Listener, Settings
+from .findings import Listener
 from .first_cycles import longer
 from .judgement import against, errors_in_words, explain
 from .problem import Problem
 from .refit import Refit, Residuals, refit
 from .rules import RULES
+
+T = TypeVar("T")
 
 Fitted = tuple[tuple[Effect, ...], Refit]
 """Effects, and a fit with them."""
@@ -30,11 +33,31 @@ LAG = 2 * RULES.clear_bic
 _SHARES_OF_STRENGTH = (1.0, 0.7, 1.4, 0.5, 2.0, 0.25, 4.0, 0.0)
 """Strengths to start from beside other base parameters, as shares of the fitted one; these may need none of it."""
 
+REFIT_BUDGET = 90
+"""Simulations of the fit of an explanation at most."""
+
 _STAGE = 40
 """Simulations of a fit to part of the cycles, from a fit to half as many."""
 
 _LEVELS = 6
 """How often the misfit that counts as noise is lowered, at most."""
+
+
+def least(ladder: Iterable[Sequence[T]], costs: Callable[[Sequence[T]], Sequence[float]]) -> tuple[T | None, float]:
+    """What costs least of all on a ladder, and its cost; None where every cost is infinite.
+
+    Each rung of the ladder has some starts, the next one those of a stronger effect; after two in a row that come no
+    nearer it ends, for what is far too strong is slow to simulate.
+    """
+    best, lowest, worse = None, np.inf, 0
+    for rung in ladder:
+        worse += 1
+        for one, cost in zip(rung, costs(rung), strict=True):
+            if cost < lowest:
+                best, lowest, worse = one, cost, 0
+        if worse == 2:
+            break
+    return best, lowest
 
 
 class Fitter:
@@ -43,10 +66,9 @@ class Fitter:
     ``space`` holds the parameters of the base model. Those of an explanation are these and, behind them, the effects'.
     """
 
-    def __init__(self, problem: Problem, space: ParameterSpace, settings: Settings, listener: Listener) -> None:
+    def __init__(self, problem: Problem, space: ParameterSpace, listener: Listener) -> None:
         self.problem = problem
         self.space = space
-        self.settings = settings
         self.as_new: FloatArray | None = None
         """Base parameters before the cell aged, shape (p,), where records of many cycles tell them."""
         self.low: Fitter | None = None
@@ -58,7 +80,7 @@ class Fitter:
 
     def on(self, problem: Problem) -> Fitter:
         """A fitter of the same base model on another problem."""
-        return Fitter(problem, self.space, self.settings, self.say)
+        return Fitter(problem, self.space, self.say)
 
     def space_with(self, effects: Sequence[Effect]) -> ParameterSpace:
         """The parameters of the base model, and those of effects."""
@@ -83,61 +105,55 @@ class Fitter:
         tolerance: float = 2e-3,
         jacobian: FloatArray | None = None,
         fresh: bool = False,
-        exact: bool = False,
     ) -> Refit | None:
         """Fit at the present misfit, from coordinates of the base model and effects; None if these cannot be simulated.
 
-        Jacobians are taken of the cheaper model, where there is one and not of the base model's ``exact`` ones.
+        Jacobians are taken of the cheaper model, where there is one.
         """
         slopes = None
-        if self.low is not None and not exact:
+        if self.low is not None:
             self.low.problem.misfit_v = self.problem.misfit_v
             slopes = self.low.residuals(effects)
         space = self.space_with(effects)
         found = refit(self.residuals(effects), space, start, jacobian, budget, tolerance, fresh, slopes)
         return None if found is None else replace(found, deviation=self.problem.deviation())
 
-    def onwards(
-        self, effects: Sequence[Effect], fit: Refit, budget: int, tolerance: float = 2e-3, exact: bool = False
-    ) -> Refit:
+    def onwards(self, effects: Sequence[Effect], fit: Refit, budget: int, tolerance: float = 2e-3) -> Refit:
         """Fit on from where a fit ended, whatever misfit it was made with: its Jacobian is weighed anew."""
         deviation = self.problem.deviation()
         known = None if fit.deviation is None else deviation / fit.deviation
         jacobian = None if known is None else fit.jacobian / known[:, None]
-        fresh = fit.fresh and known is not None and bool(np.all(known == 1.0)) and not exact
-        return self.fit(effects, fit.u, budget, tolerance, jacobian, fresh, exact) or fit
+        fresh = fit.fresh and known is not None and bool(np.all(known == 1.0))
+        return self.fit(effects, fit.u, budget, tolerance, jacobian, fresh) or fit
 
     def nearest(self, effects: Sequence[Effect], ladder: Sequence[Sequence[FloatArray]]) -> FloatArray | None:
-        """The start with the lowest cost; None if none can be simulated.
-
-        Each rung of the ladder has some starts, the next one those of a stronger effect; after two in a row that come
-        no nearer it ends, for what is far too strong is slow to simulate.
-        """
+        """The start on a ladder with the lowest cost (`least`); None if none can be simulated."""
         space = self.space_with(effects)
-        best, least, worse = None, np.inf, 0
-        for starts in ladder:
-            worse += 1
+
+        def costs(starts: Sequence[FloatArray]) -> list[float]:
             found = self.residuals(effects)([space.at(start) for start in starts])
-            for start, residual in zip(starts, found, strict=True):
-                cost = np.inf if residual is None else residual @ residual + np.sum((space.prior_weights * start) ** 2)
-                if cost < least:
-                    best, least, worse = start, float(cost), 0
-            if worse == 2:
-                break
-        return best
+            return [
+                np.inf if one is None else float(one @ one + np.sum((space.prior_weights * start) ** 2))
+                for start, one in zip(starts, found, strict=True)
+            ]
+
+        return least(ladder, costs)[0]
 
     def finished(self, effects: tuple[Effect, ...], fit: Refit, budget: int) -> Explanation:
         """A fit, gone on with if it has not converged, as an explanation."""
         return self.explain(effects, fit if fit.converged else self.onwards(effects, fit, budget))
 
-    def again(self, explanation: Explanation, budget: int, exact: bool = False) -> Explanation:
+    def again(self, explanation: Explanation, budget: int) -> Explanation:
         """The same explanation, fitted on from where it is with the present misfit."""
-        fit = self.onwards(explanation.effects, explanation.fit, budget, exact=exact)
-        return self.explain(explanation.effects, fit)
+        return self.explain(explanation.effects, self.onwards(explanation.effects, explanation.fit, budget))
 
     def exact(self, explanation: Explanation) -> Explanation:
         """The same explanation, where its fit ends on the base model's own Jacobian."""
-        return explanation if self.low is None else self.again(explanation, self.settings.refit_budget, exact=True)
+        if self.low is None:
+            return explanation
+        own, effects = self.on(self.problem), explanation.effects
+        stale = replace(explanation.fit, promised=np.inf)  # its Jacobian is of the cheaper model
+        return self.explain(effects, own.onwards(effects, stale, REFIT_BUDGET))
 
     def on_low_fidelity(self, known: Explanation) -> tuple[Fitter, Explanation] | None:
         """A fitter on the cheaper model, which is shifted to agree with an explanation, and the explanation there."""
@@ -145,7 +161,6 @@ class Fitter:
         if problem is None:
             return None
         low = self.on(problem)
-        low.as_new = self.as_new
         fit = low.fit(known.effects, known.fit.u, 1 + len(known.fit.space))
         return None if fit is None else (low, low.explain(known.effects, fit))
 
@@ -176,11 +191,10 @@ class Fitter:
         best = self.nearest(effects, [[known.u, *starts] if if_nearer else starts])
         if best is known.u:
             return None
-        budget = self.settings.refit_budget
-        fit = None if best is None else self.fit(effects, best, budget // 3)
+        fit = None if best is None else self.fit(effects, best, REFIT_BUDGET // 3)
         if fit is None or fit.cost > leader.fit.cost + LAG:
             return None
-        return self.finished(effects, fit, budget)
+        return self.finished(effects, fit, REFIT_BUDGET)
 
     def taken_over(self, near: Problem, fits: Sequence[Fitted]) -> list[Explanation]:
         """Fits of this problem, of its first cycles, or of a cheaper model, as explanations of this problem.
@@ -207,7 +221,7 @@ class Fitter:
 
     def contest(self, base: Explanation, explanations: Sequence[Explanation]) -> list[Explanation]:
         """Fit explanations side by side until the best one has converged, and tell how each did; see `race`."""
-        running, dropped = self.race(explanations, self.settings.refit_budget)
+        running, dropped = self.race(explanations, REFIT_BUDGET)
         for explanation in (*running, *dropped):
             self.tell(base, explanation)
         return [*running, *dropped]

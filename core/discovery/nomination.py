@@ -8,9 +8,10 @@ import numpy as np
 
 from ..effect import Effect, Evidence
 from ..trajectory import FloatArray
+from .base_fit import CELL_SHIFTS
 from .explanation import Explanation
-from .findings import Listener, Nomination
-from .fitting import Fitter
+from .findings import Nomination
+from .fitting import Fitter, least
 from .judgement import temperature_misfit_of
 from .score import Score, score_effect, trusted_step
 
@@ -20,21 +21,17 @@ _SHORT = 12
 _OVERFITTED = 10.0
 """Cost of the priors above which the base model counts as overfitted."""
 
-_CELL_SHIFTS = (0.0, 0.5, 1.0)
-"""Where a short fit may start if the base fit is far off, in standard deviations of the priors from their means: all
-parameters of the cell towards more charge and faster transport, since a cell that is empty before its record ends is no
-start."""
+_SHIFTS = CELL_SHIFTS[:3]
+"""Where a short fit may start if the base fit is far off, in standard deviations of the priors from their means."""
 
 _STRENGTHS = (1.0, 3.0, 10.0, 32.0, 100.0, 320.0)
 """Strengths from which a short fit may start, in probes from the null: a strong effect is far from where the linear
 extrapolation of its probe points."""
 
 
-def nominate(
-    fitter: Fitter, base: Explanation, catalogue: Sequence[Effect], evidence: Evidence, listener: Listener
-) -> list[Nomination]:
+def nominate(fitter: Fitter, base: Explanation, catalogue: Sequence[Effect], evidence: Evidence) -> list[Nomination]:
     """Score every effect of a catalogue on what the base model leaves, the most promising first."""
-    nominations = [Nomination(e, e.lacks(evidence) if e.lacks is not None else "") for e in catalogue]
+    nominations = [Nomination(e, e.lacking(evidence)) for e in catalogue]
     shown = [nomination for nomination in nominations if not nomination.lacks]
     sensitivities = sensitivities_of(fitter, base, [nomination.effect for nomination in shown])
     for nomination, sensitivity in zip(shown, sensitivities, strict=True):
@@ -51,7 +48,7 @@ def nominate(
     for n in nominations[:6]:
         if n.score:
             share = n.score.gain / max(base.fit.chi2, 1.0)
-            listener(f"  {n.effect.key}: z {n.score.z:+.1f}, predicted gain {share:.0%}")
+            fitter.say(f"  {n.effect.key}: z {n.score.z:+.1f}, predicted gain {share:.0%}")
     return nominations
 
 
@@ -102,28 +99,22 @@ def score_where_strong(fitter: Fitter, before: Explanation, nomination: Nominati
     fit, known = before.fit, nomination.score
     assert known is not None
     space = fitter.space_with(nomination.effects)
-    least, worse, best = np.inf, 0, known
-    without = fit.cost - trusted_step(fit, fit.residual)[1]
-    for strength in _strengths(nomination, _wanted_sign(nomination)):
-        start = _with_effect(nomination.effect, fit.u, strength)
-        residual = fitter.residuals(nomination.effects)([space.at(start)])[0]
-        left, worse = np.inf, worse + 1
-        if residual is not None:
-            moved = trusted_step(fit, residual)[1]
-            left = float(residual @ residual) + fit.prior_cost - moved
-        if left < least:
-            least, worse = left, 0
-        if without - left > best.gain:
-            best = replace(known, amplitude=strength, gain=without - left)
-        if worse == 2:
-            break
-    return best
+
+    def costs(strengths: Sequence[float]) -> list[float]:
+        starts = [space.at(_with_effect(nomination.effect, fit.u, strength)) for strength in strengths]
+        found = fitter.residuals(nomination.effects)(starts)
+        return [np.inf if r is None else float(r @ r) + fit.prior_cost - trusted_step(fit, r)[1] for r in found]
+
+    found = least([[one] for one in _strengths(nomination, _wanted_sign(nomination))], costs)
+    best, left = found
+    gain = fit.cost - trusted_step(fit, fit.residual)[1] - left
+    return known if best is None or gain <= known.gain else replace(known, amplitude=best, gain=gain)
 
 
 def most_simulations(before: Explanation) -> int:
     """Simulations of one `screen` beside what is known at most, with strengths of one sign."""
     strengths, fit = len(_STRENGTHS) + 1, _SHORT + len(before.fit.space) + 1
-    return 2 * strengths + fit + ((1 + len(_CELL_SHIFTS)) * strengths + fit if _is_lost(before) else 0)
+    return 2 * strengths + fit + ((1 + len(_SHIFTS)) * strengths + fit if _is_lost(before) else 0)
 
 
 def screen(
@@ -171,7 +162,7 @@ def _at_priors(fitter: Fitter, before: Explanation, nomination: Nomination, sign
     """
     count = len(fitter.space)
     fitted, of_cell = before.fit.u[:count], fitter.of_cell
-    bases = [np.where(of_cell, 0.0, fitted)] + [np.where(of_cell, shift, 0.0) for shift in _CELL_SHIFTS]
+    bases = [np.where(of_cell, 0.0, fitted)] + [np.where(of_cell, shift, 0.0) for shift in _SHIFTS]
     places = [np.concatenate([base, before.fit.u[count:]]) for base in bases]
     strengths = _strengths(nomination, sign)
     return [[_with_effect(nomination.effect, place, strength) for place in places] for strength in strengths]
@@ -188,17 +179,15 @@ def _is_lost(explanation: Explanation) -> bool:
 def _wanted_sign(nomination: Nomination) -> float:
     """The side of the null on which the score estimates the strength: 1 or -1."""
     _, high = _ends(nomination.effect)
-    return -1.0 if _wanted(nomination) < 0 or high <= 0 else 1.0
-
-
-def _wanted(nomination: Nomination) -> float:
-    return 0.0 if nomination.score is None else nomination.score.amplitude
+    assert nomination.score is not None
+    return -1.0 if nomination.score.amplitude < 0 or high <= 0 else 1.0
 
 
 def _strengths(nomination: Nomination, sign: float) -> list[float]:
     """Strengths to start from, in probes from the null: fixed ones, and one of the size that the score estimates."""
     low, high = _ends(nomination.effect)
-    strengths = {sign * size for size in (*_STRENGTHS, abs(_wanted(nomination)))}
+    assert nomination.score is not None
+    strengths = {sign * size for size in (*_STRENGTHS, abs(nomination.score.amplitude))}
     return sorted((one for one in strengths if one and 0.95 * low <= one <= 0.95 * high), key=abs)
 
 

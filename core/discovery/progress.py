@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 
 from ..printable import counted, duration
-from .findings import Listener, Nomination
+from .findings import Listener
 
 
 class Progress:
@@ -32,13 +32,6 @@ class Progress:
     def begin(self, total: int) -> None:
         """Begin to fit so many candidates."""
         self._done, self._total = 0, total
-
-    def refitted(self, nomination: Nomination, base_cost: float) -> None:
-        """One of them has its short fit: say what that leaves."""
-        found = nomination.screened
-        share = nomination.promise / base_cost
-        outcome = "cannot be fitted" if found is None else f"a short fit leaves {share:.0%} of the squared misfit"
-        self.ended(nomination.effect.key, outcome)
 
     def ended(self, candidate: str, outcome: str) -> None:
         """One of them is done: say what came of it.

@@ -5,14 +5,13 @@ from dataclasses import replace
 import discovery_toy as toy
 import numpy as np
 from bsa.core.discovery.base_fit import _fit_from_somewhere
-from bsa.core.discovery.findings import Settings
 from bsa.core.discovery.fitting import Fitter
 
 
 def test_a_base_fit_also_starts_from_the_charge_that_the_voltage_tells(monkeypatch):
     problem, space = toy.problem(np.random.default_rng(0), {}, held=False)
     problem.misfit_v, as_believed = 1e-3, np.zeros(len(space))
-    fitter = Fitter(problem, space, Settings(), print)
+    fitter = Fitter(problem, space, print)
     starts = []
 
     def fit(effects, start, budget, tolerance):

@@ -150,7 +150,7 @@ def test_the_last_that_is_said_of_an_effect_is_what_the_verdict_says(simulator):
 def test_a_likelier_explanation_with_a_larger_error_says_why(monkeypatch):
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
     said = []
-    fitter = Fitter(problem, space, Settings(), said.append)
+    fitter = Fitter(problem, space, said.append)
     base = fitted(fitter, (), 2)
     monkeypatch.setattr("bsa.core.discovery.judgement.bic_difference", lambda *pair: 7.4)
     fitter.tell(base, replace(base, rmse_v=2 * base.rmse_v))
@@ -216,7 +216,7 @@ def test_an_effect_that_the_records_cannot_show_is_left_out():
 
 
 def test_a_base_fit_that_stopped_short_is_no_missing_effect(monkeypatch):
-    def stopped_short(fitter):
+    def stopped_short(fitter, seed):
         fit = fitter.fit((), np.array([0.2, 4.9, 4.9]), 4)
         return fitter.explain((), fit)
 
@@ -251,10 +251,10 @@ def test_two_effects_that_hide_behind_each_other_are_tried_together_whatever_a_s
 
 def test_beside_a_base_model_that_is_lost_an_effect_starts_from_what_is_believed():
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.02})
-    fitter = Fitter(problem, space, Settings(), print)
+    fitter = Fitter(problem, space, print)
     lost = fitter.at((), np.array([3.0, 9.0, -9.0]))
     lost.fit = replace(lost.fit, jacobian=np.zeros_like(lost.fit.jacobian))  # says nothing of the way back
-    (nomination,) = nominate(fitter, lost, [toy.HYSTERESIS], toy.EVIDENCE, print)
+    (nomination,) = nominate(fitter, lost, [toy.HYSTERESIS], toy.EVIDENCE)
     screen(fitter, lost, nomination)
     assert nomination.promise < 0.05 * lost.cost
 
@@ -274,7 +274,7 @@ def test_an_effect_that_acts_only_where_it_is_strong_is_scored_there():
 def test_where_what_the_scores_favour_helps_little_the_others_are_fitted_whatever_their_sign():
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.02})
     either = toy.effect("sign", lower=-1.0)
-    engine = Engine(problem, space, (toy.QUADRATIC, either), toy.EVIDENCE, Settings(screened=1))
+    engine = Engine(problem, space, (toy.QUADRATIC, either), toy.EVIDENCE)
     known = engine.shortlist()
     misled = {"quadratic": (1.0, 5.0), "sign": (-1.0, 0.0)}
     for nomination in known.nominations:
@@ -288,7 +288,7 @@ def test_where_what_the_scores_favour_helps_little_the_others_are_fitted_whateve
 def test_a_pair_that_had_more_simulations_than_its_member_is_pruned():
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
     engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE)
-    fitter = Fitter(problem, space, Settings(), print)
+    fitter = Fitter(problem, space, print)
     base = fitted(fitter, (), 100)
     single, pair = fitted(fitter, (toy.HYSTERESIS,), 5), fitted(fitter, (toy.HYSTERESIS, toy.QUADRATIC), 100)
     assert pair.adequacy.adequate
@@ -304,7 +304,7 @@ def test_a_pair_that_had_more_simulations_than_its_member_is_pruned():
 def test_the_best_fit_is_gone_on_with_until_it_has_converged():
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
     engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE)
-    fitter = Fitter(problem, space, Settings(), print)
+    fitter = Fitter(problem, space, print)
     stopped = fitted(fitter, (toy.HYSTERESIS,), 5)
     assert not stopped.fit.converged
     (finished,) = engine.finish(fitted(fitter, (), 100), [stopped])
@@ -321,7 +321,7 @@ def test_a_fit_that_has_not_converged_goes_on_with_the_slopes_of_the_base_model_
     leader, stopped = fitted(engine._fitter, (toy.QUADRATIC,), 60), fitted(engine._fitter, (toy.HYSTERESIS,), 5)
     assert not stopped.settled
     assert RULES.behind(stopped, leader) > RULES.far_ahead
-    best = engine._exact([leader, stopped])[0]
+    best = engine._fitted_on([leader, stopped], engine._fitter.exact)[0]
     assert best.names == ("sign",)
     assert best.settled
 
@@ -329,7 +329,7 @@ def test_a_fit_that_has_not_converged_goes_on_with_the_slopes_of_the_base_model_
 def test_an_effect_that_lost_its_way_is_fitted_from_where_the_best_one_ended():
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
     engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE)
-    fitter = Fitter(problem, space, Settings(), print)
+    fitter = Fitter(problem, space, print)
     base = fitted(fitter, (), 100)
     problem.misfit_v = 0.01  # as when neither has come near yet
     leader, lost = fitted(fitter, (toy.QUADRATIC,), 100), fitted(fitter, (toy.HYSTERESIS,), 5)
@@ -347,14 +347,14 @@ def test_a_temperature_has_its_say_in_who_is_fitted_on():
     cold, warm = Nomination(toy.QUADRATIC), Nomination(toy.HYSTERESIS, temperature_misfit=1.0)
     assert cold.promise == np.inf
     problem, space = toy.problem(np.random.default_rng(0), {})
-    fit = fitted(Fitter(problem, space, Settings(), print), (), 100).fit
+    fit = fitted(Fitter(problem, space, print), (), 100).fit
     cold.screened, cold.temperature_misfit, warm.screened = fit, 25.0, fit
     assert cold.promise - warm.promise == pytest.approx(24.0)
 
 
 def test_a_pair_that_predicts_data_not_fitted_no_better_than_one_of_its_members_is_not_named():
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01, "quadratic": 0.01})
-    fitter = Fitter(problem, space, Settings(), print)
+    fitter = Fitter(problem, space, print)
     base = fitted(fitter, (), 100)
     single, pair = fitted(fitter, (toy.HYSTERESIS,), 100), fitted(fitter, (toy.HYSTERESIS, toy.QUADRATIC), 100)
     assert decided(problem, base, [pair, single]).best.names == ("quadratic", "sign")
@@ -366,7 +366,7 @@ def test_a_pair_that_predicts_data_not_fitted_no_better_than_one_of_its_members_
 def test_the_better_half_of_a_pair_with_a_needless_effect_is_fitted_until_it_has_converged():
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
     engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE)
-    fitter = Fitter(problem, space, Settings(), print)
+    fitter = Fitter(problem, space, print)
     base = fitted(fitter, (), 100)
     single, pair = fitted(fitter, (toy.HYSTERESIS,), 5), fitted(fitter, (toy.HYSTERESIS, toy.QUADRATIC), 100)
     assert not single.settled
@@ -380,7 +380,7 @@ def test_the_better_half_of_a_pair_with_a_needless_effect_is_fitted_until_it_has
 def test_a_pair_is_not_tried_where_none_could_predict_better(monkeypatch):
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01})
     engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE)
-    fitter = Fitter(problem, space, Settings(), print)
+    fitter = Fitter(problem, space, print)
     base, single = fitted(fitter, (), 100), fitted(fitter, (toy.HYSTERESIS,), 100)
     monkeypatch.setattr(engine, "pair", lambda *_: pytest.fail("a pair was tried"))
     assert single.held_rmse_v < 1.1 * problem.held_noise_v
@@ -391,7 +391,7 @@ def test_a_pair_is_not_tried_where_none_could_predict_better(monkeypatch):
 def test_no_pair_is_tried_where_none_could_leave_noise_only(monkeypatch, known_v, tried):
     problem, space = toy.problem(np.random.default_rng(0), {"outside": 0.01})
     engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE, Settings(known_v=known_v))
-    fitter = Fitter(problem, space, Settings(), print)
+    fitter = Fitter(problem, space, print)
     base, single = fitted(fitter, (), 100), fitted(fitter, (toy.HYSTERESIS,), 100)
     assert not single.adequacy.adequate
     asked = []
@@ -403,7 +403,7 @@ def test_no_pair_is_tried_where_none_could_leave_noise_only(monkeypatch, known_v
 def test_no_second_effect_is_added_to_one_that_is_no_better_than_the_base_model(monkeypatch):
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.01, "quadratic": 0.01})
     engine = Engine(problem, space, CATALOGUE, toy.EVIDENCE)
-    fitter = Fitter(problem, space, Settings(), print)
+    fitter = Fitter(problem, space, print)
     base = fitted(fitter, (), 100)
     good, useless = fitted(fitter, (toy.HYSTERESIS,), 100), fitted(fitter, (toy.SLOW,), 100)
     useless.errors = 2 * base.errors

@@ -90,7 +90,7 @@ def test_ageing_is_added_to_the_cell_as_it_was_new(size):
 @pytest.mark.slow
 def test_parameters_of_the_first_cycle_are_those_of_the_cell_as_it_was_new():
     problem, space = cycled({"fade": 0.02})
-    fitter = Fitter(problem, space, Settings(), lambda text: None)
+    fitter = Fitter(problem, space, lambda text: None)
     base = calibrate(fitter)
     bent = base.fit.candidate["resistance factor"]
     assert space.parameters[0].at_coordinate(float(fitter.as_new[0])) == pytest.approx(1.2, rel=0.1)

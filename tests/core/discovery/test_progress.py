@@ -1,6 +1,4 @@
-import discovery_toy as toy
 import pytest
-from bsa.core.discovery.findings import Nomination
 from bsa.core.discovery.progress import Progress, duration
 
 
@@ -15,11 +13,9 @@ def test_each_candidate_has_a_line_and_its_place() -> None:
     progress.estimate(50, 0)
     assert len(lines) == 1
     progress.begin(2)
-    first, second = (Nomination(effect) for effect in (toy.QUADRATIC, toy.SLOW))
-    progress.refitted(first, 10.0)
-    progress.refitted(second, 10.0)
-    assert lines[1] == f"  {first.effect.key}: cannot be fitted (1 of 2)"
-    assert lines[2] == f"  {second.effect.key}: cannot be fitted (2 of 2)"
+    progress.ended("one", "cannot be fitted")
+    progress.ended("two", "a short fit")
+    assert lines[1:] == ["  one: cannot be fitted (1 of 2)", "  two: a short fit (2 of 2)"]
 
 
 @pytest.mark.parametrize(("seconds", "words"), [(12.2, "about 12 s"), (200.0, "about 3 min")])
