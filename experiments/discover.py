@@ -138,7 +138,7 @@ def discover_on(
         listener("backend: " + (", ".join(r.key for r in asked[-1].ranked) or asked[-1].note))
         return [r.key for r in asked[-1].ranked[:3]]
 
-    findings = setup.engine(options.settings, listener, preferred).run()
+    findings = setup.engine(listener, preferred).run()
     before = problem.errors(_predicted(problem, findings.gap.nearest))
     predictions = _predicted(problem, findings.best)
     noise = findings.gap.noise_v

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel, Field, model_validator
 from scipy.constants import zero_Celsius
 
-from ..core.discovery.findings import Settings
 from ..core.discovery.observations import FLOOR_V
 from ..core.discovery.simulator import MeasuredRecord
 from ..core.errors import BsaError, unknown
@@ -114,11 +113,6 @@ class DiscoverOptions(BaseModel, extra="forbid"):
     def files(self) -> list[RecordFile]:
         """All records that are read: fitted and held-out ones, and references."""
         return [*self.data, *self.holdout, *self.reference]
-
-    @property
-    def settings(self) -> Settings:
-        """How hard the engine looks."""
-        return Settings(max_effects=self.max_effects, seed=self.seed)
 
 
 def discover_options(

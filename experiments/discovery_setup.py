@@ -74,6 +74,7 @@ class DiscoverySetup:
     simulator: Simulator  # The problem's, with what it refused to build.
     mesh: RadialMesh  # How finely the particles are resolved.
     capacity_ah: float  # Charge of the cell between its cut-offs at rest, which C-rates count in, A.h.
+    settings: Settings  # How hard the engine looks.
     passed_over: tuple[str, ...] = ()  # Effects that cannot be used, and why.
     taken_off: tuple[str, ...] = ()  # What references have taken off the records, in words.
 
@@ -84,16 +85,13 @@ class DiscoverySetup:
 
     def engine(
         self,
-        settings: Settings,
         listener: Listener = lambda text: None,
         preferred: Callable[[Explanation, Sequence[Nomination]], Sequence[str]] | None = None,
     ) -> Engine:
         """The workflow on it; see `Engine`."""
-        # What it lacks of references is taken off the records.
-        known_v = 0.0 if self.case.references else self.case.known_v
-        cell, settings = self.case.cell, replace(settings, known_v=known_v)
+        cell = self.case.cell
         evidence = gather(cell.model, cell.options, [*self.case.measured_records, *self.case.held])
-        return Engine(self.problem, self.space, self.catalogue, evidence, settings, listener, preferred)
+        return Engine(self.problem, self.space, self.catalogue, evidence, self.settings, listener, preferred)
 
     def discrepancy(self, base: Explanation) -> list[str] | None:
         """What a base model leaves, in words; None if it cannot be simulated."""
@@ -162,7 +160,10 @@ def set_up(
     count = len(case.measured_records)
     problem = Problem(simulator, seen[:count], seen[count:])
     capacity = equilibrium_capacity_ah(cell.parameter_set, cell.overrides)
-    return DiscoverySetup(case, problem, space, catalogue, simulator, mesh, capacity, tuple(passed_over), tuple(said))
+    # What the base model lacks of references is taken off the records.
+    settings = Settings(options.max_effects, options.seed, 0.0 if case.references else case.known_v)
+    notes = tuple(passed_over), tuple(said)
+    return DiscoverySetup(case, problem, space, catalogue, simulator, mesh, capacity, settings, *notes)
 
 
 def _taken_off(measured: Observations, left: Observations, references: Sequence[Observations]) -> str:

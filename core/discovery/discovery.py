@@ -24,6 +24,8 @@ class Discovery(ABC):
     noun: ClassVar[str] = "effect"
     explained: ClassVar[str] = "the discrepancy"
     nothing: ClassVar[str] = "Nothing is missing: noise explains what the base model leaves"
+    # By name and unit, two entries of the gap: an error of the base model, and with the effects.
+    told: ClassVar[dict[str, tuple[str, str]]]
 
     findings: Findings  # The engine's own account.
     notes: list[str] = field(default_factory=list, kw_only=True)  # What was assumed.
@@ -91,9 +93,10 @@ class Discovery(ABC):
         """How the gap shrank, and the share that is closed; not a number where there was none."""
 
     @property
-    @abstractmethod
     def errors(self) -> dict[str, dict[str, float | None]]:
         """``"initial"`` (base model) and ``"best"`` (with the effects) error, by name and unit."""
+        gap = json_ready(self.gap)
+        return {name: {"initial": gap[before], "best": gap[after]} for name, (before, after) in self.told.items()}
 
     def to_json(self) -> Json:
         """The contents of ``discovery.json``."""
@@ -148,17 +151,18 @@ class Discovery(ABC):
         rows: list[Json] = []
         for nomination in self.findings.nominations:
             effect, explanation = nomination.effect, fitted.pop(nomination.effect.key, None)
-            rows.append({"name": effect.name, "variant": effect.variant, **self._row(explanation, nomination)})
-        rows += [{"name": label, "variant": "", **self._row(e, None)} for label, e in fitted.items()]
+            why = {"delta_bic": None, "rejected": self._not_fitted(nomination)}
+            told = why if explanation is None else self._fitted(explanation)
+            seen = self._seen(explanation, nomination)
+            rows.append({"name": effect.name, "variant": effect.variant, **seen, **told})
+        pairs = fitted.items()
+        rows += [{"name": label, "variant": "", **self._seen(e, None), **self._fitted(e)} for label, e in pairs]
         # What was fitted first, the best evidence leading; then what the score test alone has seen.
         return sorted(rows, key=lambda row: math.inf if row["delta_bic"] is None else -row["delta_bic"])
 
-    def _row(self, explanation: Explanation | None, nomination: Nomination | None) -> Json:
-        seen = self._seen(explanation, nomination)
-        if explanation is None:
-            return {**seen, "delta_bic": None, "rejected": "" if nomination is None else self._not_fitted(nomination)}
+    def _fitted(self, explanation: Explanation) -> Json:
+        """What the row of a candidate says that was fitted."""
         return {
-            **seen,
             "delta_bic": bic_difference(self.findings.base, explanation),
             "parameters": {key: [e.to_json() for e in rows] for key, rows in explanation.estimates.items()},
             "converged": explanation.settled,
@@ -177,8 +181,3 @@ class Discovery(ABC):
             return "cannot be told from the best"
         reason = self.rules.objection_to(explanation, self.findings.gap)
         return reason or "explains the data less well than the best, or needs more effects for the same"
-
-
-def before_and_after(gap: dict[str, float], before: str, after: str) -> dict[str, float | None]:
-    """Two entries of a gap as one of `Discovery.errors`."""
-    return {"initial": json_ready(gap[before]), "best": json_ready(gap[after])}

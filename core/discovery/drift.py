@@ -89,13 +89,11 @@ def _drift(name: str, rows: Mapping[int, tuple[float, float]]) -> Drift:
     slope, uncertain = float("nan"), float("nan")
     if len(cycles) > 2:
         deviation = np.maximum(half / NORMAL_95, 1e-12)
-        design = np.column_stack([np.ones(len(cycles)), cycles / _PER_CYCLES]) / deviation[:, None]
-        line, *_ = np.linalg.lstsq(design, values / deviation, rcond=None)
-        left = values / deviation - design @ line
-        slope = float(line[1])
-        freedom = len(cycles) - 2
+        line, covariance = np.polyfit(cycles / _PER_CYCLES, values, 1, w=1.0 / deviation, cov="unscaled")
+        left = (values - np.polyval(line, cycles / _PER_CYCLES)) / deviation
+        slope, freedom = float(line[0]), len(cycles) - 2
         scatter = np.sqrt(left @ left / freedom)  # about the line, in the values' own deviations
         # Few windows tell the scatter: Student's t. The values' own intervals are known: normal. The wider one counts.
         deviations = max(NORMAL_95, float(student.ppf(0.975, freedom) * scatter))
-        uncertain = deviations * float(np.sqrt(np.linalg.inv(design.T @ design)[1, 1]))
+        uncertain = deviations * float(np.sqrt(covariance[0, 0]))
     return Drift(name, tuple(rows), tuple(map(float, values)), tuple(map(float, half)), slope, uncertain)

@@ -58,14 +58,8 @@ DEVIATION_V = 1e-3
 """What a standard deviation counts as, V, for rules that are about voltages: a good cycler's millivolt."""
 
 
-class LifeRules(Rules):
-    """The same rules, in words for a life."""
-
-    base_words = "the cell without ageing"
-    held_words = "the later cycles"
-
-
-LIFE_RULES = LifeRules()
+LIFE_RULES = Rules(base_words="the cell without ageing", held_words="the later cycles")
+"""The same rules, in words for a life."""
 
 
 class LifeEngine:
@@ -160,11 +154,11 @@ class LifeEngine:
         for value in strengths:
             (seen,) = self._fitted((effect,), [{effect.full_name(effect.strength): float(value)}])
             cost = np.inf if seen is None else float(seen @ seen)
-            nearer = cost < min(least, base.fit.cost)
-            best, beyond = (float(value), 0) if nearer else (best, beyond)
-            if not nearer:
-                # Far below what shows, a cost is that of none but for the integrator's error.
-                beyond += bool(best) or (rising and cost > _WORSE * base.fit.cost)
+            if cost < min(least, base.fit.cost):
+                best, beyond = float(value), 0
+            # Far below what shows, a cost is that of none but for the integrator's error.
+            elif best or (rising and cost > _WORSE * base.fit.cost):
+                beyond += 1
             least = min(least, cost)
             if beyond == _BEYOND:
                 break

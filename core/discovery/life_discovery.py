@@ -1,9 +1,10 @@
 """The answer of a discovery over a life."""
 
 from dataclasses import asdict, dataclass, field
+from typing import ClassVar
 
 from ..parameters import Candidate
-from .discovery import Discovery, Json, before_and_after
+from .discovery import Discovery, Json
 from .drift import Drift
 from .explanation import Explanation
 from .findings import Nomination
@@ -19,6 +20,10 @@ class LifeDiscovery(Discovery):
     noun = "mechanism"
     explained = "how the cell ages"
     nothing = "The cell does not age by more than the scatter of its cycles"
+    told: ClassVar = {
+        "Fitted cycles [standard deviations]": ("base_error", "final_error"),
+        "Later cycles [standard deviations]": ("later_base_error", "later_final_error"),
+    }
 
     modes: tuple[Drift, ...]  # Lithium, active material and resistance by cycle, whatever the mechanism.
     fit_cycles: int  # The last cycle that was fitted.
@@ -45,14 +50,6 @@ class LifeDiscovery(Discovery):
             "later_final_error": best.held_rmse_v / DEVIATION_V,
             "closed": closed(base.rmse_v, best.rmse_v, DEVIATION_V),
             "later_closed": closed(base.held_rmse_v, best.held_rmse_v, DEVIATION_V),
-        }
-
-    @property
-    def errors(self) -> dict[str, dict[str, float | None]]:
-        """See `Discovery.errors`."""
-        return {
-            "Fitted cycles [standard deviations]": before_and_after(self.gap, "base_error", "final_error"),
-            "Later cycles [standard deviations]": before_and_after(self.gap, "later_base_error", "later_final_error"),
         }
 
     def _evidence(self) -> Json:

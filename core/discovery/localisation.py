@@ -1,6 +1,6 @@
 """Where the model is wrong: the residual by segment, rate, state of charge, time since the last step, and cycle."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ from scipy.constants import zero_Celsius
 from ..trajectory import SECONDS_PER_HOUR, FloatArray, StepKind
 from .observations import Observations
 
-_SINCE_EDGES_S = (0.0, 2.0, 30.0, 300.0, 1200.0, np.inf)
+_SINCE_EDGES_S = (2.0, 30.0, 300.0, 1200.0)
 _SINCE_NAMES = ("0-2 s", "2-30 s", "30 s-5 min", "5-20 min", "over 20 min")
 
 _Names = Callable[[Observations, float], NDArray[np.str_]]
@@ -48,56 +48,43 @@ def localise(observations: Sequence[Observations], errors: Sequence[FloatArray],
     A bias is simulated minus measured, as on the page of a calibration.
     The capacity makes C-rates of currents and shares of charges.
     """
-    whole = sum(float(np.sum(_excess(e, o) * o.count)) for e, o in zip(errors, observations, strict=True))
+    difference = -np.concatenate(list(errors))
+    sigma, count, since, cycle = (
+        np.concatenate([getattr(observed, name) for observed in observations])
+        for name in ("sigma", "count", "since", "cycle")
+    )
+    excess = np.maximum(difference**2 - sigma**2, 0.0) * count
+    rows, whole = np.array([difference, sigma, count, since, excess]), float(np.sum(excess))
     places: list[Place] = []
-    maps: dict[str, _Names] = {"segment": _segment, "rate": _rate, "charge": _charge, "since step": _since}
-    if any(o.temperature is not None or o.measured_record.ambient_k is not None for o in observations):
-        maps["temperature"] = _temperature
-    if len({int(c) for o in observations for c in o.cycle}) > 1:
-        maps["cycle"] = _cycle
-    for by, names in maps.items():
-        places += _lay_out(by, names, observations, errors, capacity_ah, whole)
+    for by, names_of in _NAMES.items():
+        if by == "cycle" and np.ptp(cycle) == 0:
+            continue
+        if by == "temperature" and all(
+            o.temperature is None and o.measured_record.ambient_k is None for o in observations
+        ):
+            continue
+        names = np.concatenate([names_of(observed, capacity_ah) for observed in observations])
+        places += [_place(by, name, rows[:, names == name], whole) for name in dict.fromkeys(names.tolist())]
     return places
 
 
-def _excess(error: FloatArray, observed: Observations) -> FloatArray:
-    return np.maximum(error**2 - observed.sigma**2, 0.0)
-
-
-def _lay_out(
-    by: str,
-    names_of: _Names,
-    observations: Sequence[Observations],
-    errors: Sequence[FloatArray],
-    capacity: float,
-    whole: float,
-) -> Iterator[Place]:
-    labels: dict[str, list[tuple[Observations, FloatArray, NDArray[np.bool_]]]] = {}
-    for observed, error in zip(observations, errors, strict=True):
-        names = names_of(observed, capacity)
-        for name in dict.fromkeys(names.tolist()):
-            labels.setdefault(name, []).append((observed, error, names == name))
-    for name, parts in labels.items():
-        difference = -np.concatenate([e[mask] for _, e, mask in parts])
-        sigma = np.concatenate([o.sigma[mask] for o, _, mask in parts])
-        count = np.concatenate([o.count[mask] for o, _, mask in parts])
-        since = np.concatenate([o.since[mask] for o, _, mask in parts])
-        share = sum(float(np.sum((_excess(e, o) * o.count)[mask])) for o, e, mask in parts)
-        weight = 1 / sigma**2
-        bias = float(np.sum(weight * difference) / np.sum(weight))
-        spread = float(np.ptp(since))
-        centred = since - np.mean(since)
-        slope = float(np.sum(centred * difference) / np.sum(centred**2)) if len(difference) > 3 and spread > 60 else 0.0
-        yield Place(
-            by,
-            str(name),
-            1e3 * float(np.sqrt(np.sum(count * difference**2) / np.sum(count))),
-            1e3 * bias,
-            bias * float(np.sqrt(np.sum(weight))),
-            share / whole if whole > 0 else 0.0,
-            1e3 * 3600 * slope,
-            len(difference),
-        )
+def _place(by: str, where: str, rows: FloatArray, whole: float) -> Place:
+    difference, sigma, count, since, excess = rows
+    weight = 1 / sigma**2
+    bias = float(np.sum(weight * difference) / np.sum(weight))
+    centred = since - np.mean(since)
+    spread = len(since) > 3 and np.ptp(since) > 60
+    slope = float(np.sum(centred * difference) / np.sum(centred**2)) if spread else 0.0
+    return Place(
+        by,
+        where,
+        1e3 * float(np.sqrt(np.sum(count * difference**2) / np.sum(count))),
+        1e3 * bias,
+        bias * float(np.sqrt(np.sum(weight))),
+        float(np.sum(excess)) / whole if whole > 0 else 0.0,
+        1e3 * SECONDS_PER_HOUR * slope,
+        len(difference),
+    )
 
 
 def _segment(observed: Observations, capacity: float) -> NDArray[np.str_]:
@@ -137,7 +124,7 @@ def _charge(observed: Observations, capacity: float) -> NDArray[np.str_]:
 
 
 def _since(observed: Observations, capacity: float) -> NDArray[np.str_]:
-    place = np.searchsorted(np.array(_SINCE_EDGES_S[1:-1]), observed.since, side="right")
+    place = np.searchsorted(_SINCE_EDGES_S, observed.since, side="right")
     resting = np.abs(observed.current) < 0.02 * capacity
     return np.array(
         [f"{'at rest' if r else 'under current'}, {_SINCE_NAMES[k]}" for k, r in zip(place, resting, strict=True)]
@@ -155,6 +142,17 @@ def _temperature(observed: Observations, capacity: float) -> NDArray[np.str_]:
 
 def _cycle(observed: Observations, capacity: float) -> NDArray[np.str_]:
     return np.array([f"cycle {number}" for number in observed.cycle])
+
+
+_NAMES: dict[str, _Names] = {
+    "segment": _segment,
+    "rate": _rate,
+    "charge": _charge,
+    "since step": _since,
+    "temperature": _temperature,
+    "cycle": _cycle,
+}
+"""The places of each layout (`LAYOUTS`)."""
 
 
 def in_words(places: Sequence[Place], noise_v: float) -> list[str]:

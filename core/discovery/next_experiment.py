@@ -13,6 +13,10 @@ Phase = tuple[float, float]
 """C-rate (positive on discharge) and seconds."""
 
 
+_SAMPLES = 40
+"""Samples of a phase."""
+
+
 @dataclass(frozen=True)
 class Protocol:
     """A test that a cycler can run."""
@@ -107,18 +111,15 @@ def propose(
 
 
 def _record(protocol: Protocol, capacity_ah: float, ambient_k: float | None) -> MeasuredRecord:
-    times: list[np.ndarray] = []
-    currents: list[np.ndarray] = []
-    steps: list[Step] = []
-    start, count = 0.0, 0
-    for rate, seconds in protocol.phases:
-        clock = start + 0.01 + np.linspace(0.0, np.sqrt(seconds - 0.02), 40) ** 2
-        kind = StepKind.REST if rate == 0 else StepKind.CC_DISCHARGE if rate > 0 else StepKind.CC_CHARGE
-        times.append(clock)
-        currents.append(np.full(len(clock), rate * capacity_ah))
-        steps.append(Step(kind, count, count + len(clock)))
-        count += len(clock)
-        start += seconds
-    time = np.concatenate(times)
-    record = Trajectory(time, np.concatenate(currents), np.full(len(time), 3.7), None, tuple(steps))
-    return MeasuredRecord(protocol.title, record, ambient_k)
+    rates, seconds = zip(*protocol.phases, strict=True)
+    starts = np.cumsum([0.0, *seconds])[:-1]
+    clocks = [
+        start + 0.01 + np.linspace(0.0, np.sqrt(lasts - 0.02), _SAMPLES) ** 2
+        for start, lasts in zip(starts, seconds, strict=True)
+    ]
+    kinds = {0: StepKind.REST, 1: StepKind.CC_DISCHARGE, -1: StepKind.CC_CHARGE}
+    steps = [Step(kinds[int(np.sign(rate))], k * _SAMPLES, (k + 1) * _SAMPLES) for k, rate in enumerate(rates)]
+    time, current = np.concatenate(clocks), np.repeat(capacity_ah * np.array(rates), _SAMPLES)
+    return MeasuredRecord(
+        protocol.title, Trajectory(time, current, np.full(len(time), 3.7), None, tuple(steps)), ambient_k
+    )

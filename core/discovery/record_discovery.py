@@ -1,10 +1,11 @@
 """The answer of a discovery on measured records."""
 
 from dataclasses import asdict, dataclass, field
+from typing import ClassVar
 
 from ..effect import Effect
 from .closure import Closure
-from .discovery import Discovery, Json, before_and_after
+from .discovery import Discovery, Json
 from .explanation import Explanation
 from .findings import Nomination
 from .localisation import Place
@@ -15,6 +16,11 @@ from .rules import RULES, bic, closed
 @dataclass(eq=False)
 class RecordDiscovery(Discovery):
     """What was found to be missing in a model of records."""
+
+    told: ClassVar = {
+        "Voltage RMSE [mV]": ("base_rmse_mv", "final_rmse_mv"),
+        "Voltage RMSE of records not fitted [mV]": ("holdout_base_rmse_mv", "holdout_final_rmse_mv"),
+    }
 
     # places_before, places_after: Residual maps of the base model and of the best explanation.
     places_before: list[Place]
@@ -40,16 +46,6 @@ class RecordDiscovery(Discovery):
             "holdout_final_rmse_mv": 1e3 * best.held_rmse_v,
             "closed": closed(base.rmse_v, best.rmse_v, gap.floor_v),
             "holdout_closed": closed(base.held_rmse_v, best.held_rmse_v, gap.held_floor_v),
-        }
-
-    @property
-    def errors(self) -> dict[str, dict[str, float | None]]:
-        """See `Discovery.errors`."""
-        return {
-            "Voltage RMSE [mV]": before_and_after(self.gap, "base_rmse_mv", "final_rmse_mv"),
-            "Voltage RMSE of records not fitted [mV]": before_and_after(
-                self.gap, "holdout_base_rmse_mv", "holdout_final_rmse_mv"
-            ),
         }
 
     def _evidence(self) -> Json:

@@ -74,10 +74,9 @@ class Rules:
     temperature_k: float = TEMPERATURE_DEVIATION_K
     # What a temperature's error must be smaller by, besides being half as large, to be clearly smaller, K.
     clear_k: float = CLEAR_K
-
-    # What a reason calls the model that lacks all effects, and what is predicted and never fitted.
-    base_words = "the base model"
-    held_words = "data not fitted"
+    # base_words, held_words: What a reason calls the model that lacks all effects, and what is never fitted.
+    base_words: str = "the base model"
+    held_words: str = "data not fitted"
 
     def explains_all(self, found: Explanation) -> bool:
         """Whether an explanation leaves noise only."""

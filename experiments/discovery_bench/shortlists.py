@@ -38,7 +38,7 @@ def shortlist(options: DiscoverOptions) -> dict[str, Any]:
     that the records can show, and what is to be explained, in words.
     """
     setup = set_up(read_case(options), options)
-    known = setup.engine(options.settings).shortlist()
+    known = setup.engine().shortlist()
     possible = [n for n in known.nominations if not n.lacks]
     found: dict[str, Any] = {
         "effects": len(possible),

@@ -5,7 +5,6 @@ from contextlib import closing
 
 import numpy as np
 import pytest
-from bsa.core.discovery.findings import Settings
 from bsa.core.discovery.problem import Problem
 from bsa.core.discovery.simulator import MeasuredRecord
 from bsa.core.run.journal import Journal, OpenJournal, read_events
@@ -73,7 +72,7 @@ def test_what_the_model_lacks_of_a_reference_is_taken_off_and_said(tmp_path, mon
     (note,) = (text for text in found.notes if "taken off" in text)
     assert "later: what the base model lacks of earlier" in note
     assert f"note: {note}" in said
-    assert found.engine(Settings()).settings.known_v == 0.0
+    assert found.engine().settings.known_v == 0.0
     seen = found.problem.observations
     start = found.space.at(np.zeros(len(found.space)))
     (*_, (_, error)) = Problem(found.simulator, seen, seen).held_out((), start)

@@ -35,7 +35,7 @@ def test_an_outage_is_a_failed_cell(kind, cases: Path, monkeypatch: pytest.Monke
     nomination = SimpleNamespace(lacks=(), gain=1.0, effect=SimpleNamespace(key="heat"))
     known = SimpleNamespace(nominations=[nomination], refitted=None)
     bench = SimpleNamespace(
-        engine=lambda settings: SimpleNamespace(shortlist=lambda: known),
+        engine=lambda: SimpleNamespace(shortlist=lambda: known),
         discrepancy=lambda refitted: ["28 mV too high"],
     )
     monkeypatch.setattr(shortlists, "read_case", lambda options: None)

@@ -210,12 +210,12 @@ def test_a_backend_ranks_the_effects_of_a_case_with_names_and_without(monkeypatc
     nominations = [Nomination(e, score=Score(1.0, 3.0, gain)) for e, gain in zip(effects, (9.0, 4.0, 0.0), strict=True)]
     known = SimpleNamespace(nominations=nominations, refitted=None)
     bench = SimpleNamespace(
-        engine=lambda settings: SimpleNamespace(shortlist=lambda: known),
+        engine=lambda: SimpleNamespace(shortlist=lambda: known),
         discrepancy=lambda refitted: ["measured voltage lies 9 mV below the model during rest after a discharge"],
     )
 
     def options(backend=None):
-        return SimpleNamespace(settings=None, seed=1, backend=backend, backend_options={})
+        return SimpleNamespace(seed=1, backend=backend, backend_options={})
 
     monkeypatch.setattr(shortlists, "read_case", lambda options: None)
     monkeypatch.setattr(shortlists, "set_up", lambda case, options: bench)

@@ -62,7 +62,7 @@ def test_the_journals_of_the_cases_are_read_and_not_written(tmp_path, monkeypatc
             make_simulator(None, None, None).predict([SimpleNamespace(identity={"asked": "now"})])
             return findings
 
-        return SimpleNamespace(engine=lambda settings: SimpleNamespace(run=run))
+        return SimpleNamespace(engine=lambda: SimpleNamespace(run=run))
 
     monkeypatch.setattr(sensitivity, "read_case", lambda options: None)
     monkeypatch.setattr(sensitivity, "in_this_process", lambda *_: Simulated())
