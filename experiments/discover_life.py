@@ -57,6 +57,12 @@ def discover_over_life(
     cell = _first_cycle(task, options, workers, listener)
     with closing(LifeSimulatorPool(task, workers)) as pool:
         simulator = RecordedSimulator(pool, LifeResiduals, journal.file, journal.earlier, listener.simulated)
+        simulate = _simulating(simulator, cell)
+        (new,) = simulate((), [{}])
+        if new is None:
+            raise BsaError(
+                "the cell that fits the first cycle does not run through its life.", f"see {options.out / CELL}."
+            )
         kept = task.experiments[0].target.cycles[1:]
         listener(f"fitting what was lost to each of {len(kept)} cycles alone, from cycle {kept[0]} to {kept[-1]}")
         modes = degradation_modes(task, cell, simulator)
@@ -64,12 +70,6 @@ def discover_over_life(
             trend, half = rounded(mode.per_100_cycles, 2, sign=True), rounded(mode.half_per_100_cycles, 1)
             listener(f"{mode.name}: {trend} ± {half} in 100 cycles")
         listener(f"fitting mechanisms to the cycles up to {fit_cycles}")
-        simulate = _simulating(simulator, cell)
-        (new,) = simulate((), [{}])
-        if new is None:
-            raise BsaError(
-                "the cell that fits the first cycle does not run through its life.", f"see {options.out / CELL}."
-            )
         changes = Changes(task, fit_cycles, new)
         engine = LifeEngine(simulate, changes, listener, options.max_effects, simulator.at_once)
         findings = engine.run([one.effect for one in considered if not one.lacks])

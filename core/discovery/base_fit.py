@@ -34,7 +34,7 @@ def calibrate(fitter: Fitter, starts: int = 2, seed: int = 0) -> Explanation:
     """Fit the base model until converged, correct for the mesh, and fit again.
 
     It starts from ``starts`` places at most: a second one where noise is left, more while the fit is not even
-    near. What else is found on the way is kept by the fitter: ``as_new``, ``low`` and ``mesh_v``.
+    near. What else is found on the way is kept by the fitter: ``as_new`` and ``low``.
     """
     problem = fitter.problem
     new = first_cycle(problem)
@@ -49,8 +49,8 @@ def calibrate(fitter: Fitter, starts: int = 2, seed: int = 0) -> Explanation:
     if low is not None:
         fitter.low = fitter.on(low)
     fit = _coarse_fit(fitter, start)
-    fitter.mesh_v = problem.correct_mesh((), fit.candidate)
-    fitter.say(f"mesh and tolerances: {1e3 * fitter.mesh_v:.2f} mV, corrected")
+    problem.correct_mesh((), fit.candidate)
+    fitter.say(f"mesh and tolerances: {1e3 * problem.mesh_v:.2f} mV, corrected")
     fit = fitter.onwards((), fit, _BUDGET)
     base = fitter.explain((), fit)
     rng = np.random.default_rng(seed)

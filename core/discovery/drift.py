@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
+from ..errors import BsaError
 from ..inference.identifiability import effective_noise
 from ..normal import NORMAL_95
 from ..parameters import Candidate, ParameterSpace
@@ -50,10 +51,15 @@ def drifts(simulate: Simulate, cycles: Sequence[int], space: ParameterSpace, qua
     """Fit the windows one after the other, each from where the one before it ended.
 
     The windows are ``cycles``, of which the first one, at the initial values, is what the others are compared with;
-    ``space`` is what drifts, and ``quantities`` what is told of a window's values.
+    ``space`` is what drifts, and ``quantities`` what is told of a window's values. Raises `BsaError` if the first
+    window cannot be simulated.
     """
     (first,) = simulate(cycles[0], [space.initial])
-    assert first is not None, "the first window is that of a cell that was fitted"
+    if first is None:
+        raise BsaError(
+            f"the cell that fits the first cycle could not be simulated in cycle {cycles[0]} alone.",
+            "see how well the first cycle is fitted.",
+        )
     found: dict[int, Refit] = {}
     start = np.array([parameter.coordinate(parameter.initial) for parameter in space])
     for cycle in cycles[1:]:

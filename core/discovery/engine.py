@@ -107,7 +107,9 @@ class Engine:
         if not RULES.noise_suffices(gap, explanations):
             explanations = self._to_the_end(base, explanations, known.nominations)
         findings = RULES.decide(gap, explanations)
-        findings.nominations, findings.mesh_v = known.nominations, fitter.mesh_v
+        findings.nominations, findings.mesh_v = known.nominations, self.problem.mesh_v
+        if findings.verdict == "unexplained" and all(n.lacks for n in known.nominations):
+            findings.reason = "no effect could be tried"
         return findings
 
     def _to_the_end(

@@ -66,7 +66,7 @@ class Explanation:
     fit: Refit
     adequacy: Adequacy  # Whether it leaves noise only.
     rmse_v: float  # Root mean square error over the samples of the fitted records, V.
-    held_rmse_v: float  # The same over data not fitted, V.
+    held_rmse_v: float  # The same over data not fitted, V; infinite where there is none, or one failed.
     # errors, sigma: Errors of the fitted stretches and their standard deviations, V, without any misfit; shape (n,).
     errors: FloatArray
     sigma: FloatArray

@@ -35,7 +35,8 @@ class Nomination:
     score: Score | None = None
     sensitivity: FloatArray | None = None  # Derivative of the weighted residual by its strength, per probe.
     deviation: FloatArray | None = None  # The standard deviations that the sensitivity is in, V.
-    screened: Refit | None = None
+    tried: bool = False  # Whether it was given short fits.
+    screened: Refit | None = None  # The best of these; none where it could not be simulated.
     temperature_misfit: float = 0.0  # What the temperature adds to that refit's cost.
     beside: tuple[Effect, ...] = ()  # Effects of the explanation that it is added to.
 
@@ -95,7 +96,7 @@ class Findings:
     explanations: list[Explanation] = field(default_factory=list)  # All that were fitted until converged, best first.
     nominations: list[Nomination] = field(default_factory=list)  # Every effect of the catalogue.
     reason: str = ""  # Why the verdict is what it is.
-    mesh_v: float = 0.0  # Size of the mesh correction, V.
+    mesh_v: float = 0.0  # Root mean square of the mesh correction, V.
 
     @property
     def base(self) -> Explanation:

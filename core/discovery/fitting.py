@@ -73,8 +73,6 @@ class Fitter:
         """Base parameters before the cell aged, shape (p,), where records of many cycles tell them."""
         self.low: Fitter | None = None
         """A fitter on the cheaper model, of which Jacobians are taken; None where there is none."""
-        self.mesh_v = 0.0
-        """Root mean square of the mesh correction at the base model, V."""
         self.say = listener
         self._told: dict[str, str] = {}
 

@@ -52,7 +52,7 @@ def temperature_misfit_of(problem: Problem, effects: Sequence[Effect], candidate
 def _held(problem: Problem, effects: tuple[Effect, ...], fit: Refit) -> tuple[float, tuple[FloatArray, ...]]:
     """Error on all data that was not fitted, over single samples, and the errors of each hold-out record, V."""
     held = problem.held_out(effects, fit.candidate)
-    if held is None:
+    if not held:  # One failed, or nothing is held out, as in a first cycle of few averages.
         return float("inf"), ()
     errors = [error for _, error in held]
     counts = np.concatenate([observed.count for observed, _ in held])
@@ -61,9 +61,10 @@ def _held(problem: Problem, effects: tuple[Effect, ...], fit: Refit) -> tuple[fl
 
 
 def errors_in_words(explanation: Explanation) -> str:
-    """Errors on the fitted and on the held-out data, and whether the fit has converged."""
+    """Errors on the fitted and on the held-out data, if there are any, and whether the fit has converged."""
     fitted_mv, held_mv = 1e3 * explanation.rmse_v, 1e3 * explanation.held_rmse_v
-    return f"{fitted_mv:.2f} mV, held out {held_mv:.2f} mV" + " (not converged)" * (not explanation.settled)
+    held = f", held out {held_mv:.2f} mV" * bool(np.isfinite(held_mv))
+    return f"{fitted_mv:.2f} mV{held}" + " (not converged)" * (not explanation.settled)
 
 
 def against(base: Explanation, explanation: Explanation) -> str:

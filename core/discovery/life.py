@@ -172,14 +172,18 @@ class LifeEngine:
         return self._fit(effects, start)
 
     def _fit(self, effects: tuple[Effect, ...], start: Candidate) -> Fitted:
-        searched = [parameter for effect in effects for parameter in effect.searched]
+        strengths = {effect.full_name(effect.strength) for effect in effects}
         space = ParameterSpace(
             tuple(
-                replace(p, initial=start[p.name], deviation=_SHARE * start[p.name]) if not p.prior else p
-                for p in searched
+                replace(p, initial=start[p.name], deviation=_SHARE * start[p.name])
+                if p.name in strengths and not p.prior
+                else p
+                for effect in effects
+                for p in effect.searched
             )
         )
-        fit = refit(lambda candidates: self._fitted(effects, candidates), space, np.zeros(len(space)), budget=_BUDGET)
+        begin = np.array([p.coordinate(start.get(p.name, p.initial)) for p in space])
+        fit = refit(lambda candidates: self._fitted(effects, candidates), space, begin, budget=_BUDGET)
         return _NOT_FITTED if fit is None else self._explanation(effects, fit)
 
     def _explanation(self, effects: tuple[Effect, ...], fit: Refit) -> Explanation:

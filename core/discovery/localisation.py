@@ -109,8 +109,8 @@ def _mean_current(observed: Observations, here: NDArray[np.bool_]) -> float:
 def _rate(observed: Observations, capacity: float) -> NDArray[np.str_]:
     rate = observed.current / capacity
     names = np.full(len(rate), "rest", dtype=object)
-    for low, high in ((0.02, 0.3), (0.3, 0.8), (0.8, 1.5), (1.5, 20.0)):
-        label = f"{low:g}-{high:g}C" if high < 20 else f"over {low:g}C"
+    for low, high in ((0.02, 0.3), (0.3, 0.8), (0.8, 1.5), (1.5, np.inf)):
+        label = f"{low:g}-{high:g}C" if high < np.inf else f"over {low:g}C"
         names[(rate > low) & (rate <= high)] = f"discharge {label}"
         names[(rate < -low) & (rate >= -high)] = f"charge {label}"
     return names.astype(str)
@@ -132,10 +132,10 @@ def _since(observed: Observations, capacity: float) -> NDArray[np.str_]:
 
 
 def _temperature(observed: Observations, capacity: float) -> NDArray[np.str_]:
-    if observed.temperature is not None:
-        celsius = observed.temperature - zero_Celsius
-    else:
-        celsius = np.full(len(observed), (observed.measured_record.ambient_k or zero_Celsius + 25.0) - zero_Celsius)
+    kelvin, ambient_k = observed.temperature, observed.measured_record.ambient_k
+    if kelvin is None and ambient_k is None:
+        return np.full(len(observed), "not known")
+    celsius = (np.full(len(observed), ambient_k) if kelvin is None else kelvin) - zero_Celsius
     low = 10 * np.floor(celsius / 10)
     return np.array([f"{value:.0f} to {value + 10:.0f} degC" for value in low])
 

@@ -86,7 +86,8 @@ def propose(
 ) -> NextExperiment | None:
     """The protocol on which two fitted explanations differ most; None if none could be simulated.
 
-    The mean difference over each protocol is taken off first: an unknown initial state of charge would take it.
+    Where the difference stands clear of the noise on some, it is one of these. The mean difference over each protocol
+    is taken off first: an unknown initial state of charge would take it.
     """
     best: NextExperiment | None = None
     for protocol in PROTOCOLS:
@@ -101,9 +102,9 @@ def propose(
         difference = voltages[0] - voltages[1]
         difference = difference - np.mean(difference)
         rms_mv = 1e3 * rms(difference)
-        if best is None or rms_mv > best.rms_mv:
-            largest = float(np.max(np.abs(difference)))
-            enough = largest > max(3 * noise_v, 1e-3)
+        largest = float(np.max(np.abs(difference)))
+        enough = largest > max(3 * noise_v, 1e-3)
+        if best is None or (enough, rms_mv) > (best.enough, best.rms_mv):
             names = (first.label, second.label)
             found_mv = (rms_mv, 1e3 * largest)
             best = NextExperiment(protocol.title, protocol.steps, protocol.soc, *found_mv, names, enough)

@@ -128,6 +128,7 @@ def screen(
     far from their priors, one more starts at the means of the priors. ``as_new`` keeps the parameters, which are those
     of the cell before it aged, where they are.
     """
+    nomination.tried = True
     sign = _wanted_sign(nomination)
     ladders = [_near(before, nomination, one, as_new) for one in ((sign, -sign) if either_sign else (sign,))]
     if _is_lost(before) and not as_new:

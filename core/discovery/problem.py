@@ -115,7 +115,7 @@ class Problem:
 
     @property
     def simulated(self) -> float:
-        """How many candidates were simulated in this process; a journal answered for the others."""
+        """How many candidates the single simulations of this process come to; a journal answered for the others."""
         return (self.simulator.simulations - self.simulator.recalled) / len(self.observations)
 
     def predict(self, effects: Sequence[Effect], candidate: Candidate) -> list[Prediction] | None:
@@ -203,13 +203,15 @@ class Problem:
         errors = zip(self.errors(predictions), self.fitted, strict=True)
         return robust(np.concatenate([error[mask] for error, mask in errors]))
 
-    def correct_mesh(self, effects: Sequence[Effect], candidate: Candidate) -> float:
-        """Measure at one candidate what the mesh and the tolerances do to the voltage, and correct for it.
+    @property
+    def mesh_v(self) -> float:
+        """Root mean square of the mesh correction, V."""
+        changes = list(self.corrections.values())
+        return rms(np.concatenate(changes)) if changes else 0.0
 
-        Returns its root mean square, V.
-        """
+    def correct_mesh(self, effects: Sequence[Effect], candidate: Candidate) -> None:
+        """Measure at one candidate what the mesh and the tolerances do to the voltage, and correct for it."""
         self._corrected_at = (tuple(effects), dict(candidate))
-        changes: list[FloatArray] = []
         for observed in (*self.observations, *self.held_observations):
             known = self.corrections.pop(observed.name, None)
             usual = self._at_first_soc(effects, candidate, observed)
@@ -222,13 +224,10 @@ class Problem:
             # Where cells of a mesh are emptied one by one the voltage falls in stairs, those of two meshes cross, and
             # a difference that is small by chance says nothing: what counts is the largest one near.
             near = largest_near(change)
-            # Where the two meshes disagree on when the cell is empty, the difference is no correction.
+            # Where the two meshes disagree on when the cell is empty, the difference is a shift in time: an uncertainty
+            # and no correction.
             self.mesh_sigma[observed.name] = np.where(near > _LARGEST_V, near, UNSURE * near)
-            change = np.where(near > _LARGEST_V, 0.0, change)
-            # Around a knee the difference is a shift in time; there it is an uncertainty more than a correction.
-            self.corrections[observed.name] = change
-            changes.append(change)
-        return rms(np.concatenate(changes)) if changes else 0.0
+            self.corrections[observed.name] = np.where(near > _LARGEST_V, 0.0, change)
 
     def correct_mesh_anew(self, effects: Sequence[Effect], candidate: Candidate) -> bool:
         """Measure the mesh correction at another candidate; whether it moved by more than was uncertain of it.

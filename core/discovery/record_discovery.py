@@ -85,11 +85,12 @@ class RecordDiscovery(Discovery):
         }
 
     def _not_fitted(self, nomination: Nomination) -> str:
-        score = nomination.score
         if nomination.lacks:
             return nomination.lacks
-        if score is None or score.gain <= 0:
+        if nomination.screened is not None:
+            return "a short fit gained less than others"
+        if nomination.tried:
+            return "could not be simulated at any strength from which a short fit starts"
+        if nomination.gain <= 0:
             return "the score test predicts no gain in the allowed direction"
-        if nomination.screened is None:
-            return "the score test predicts less gain than for others"
-        return "a short fit gained less than others"
+        return "the score test predicts less gain than for others"

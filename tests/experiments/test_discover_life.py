@@ -127,6 +127,15 @@ def test_a_life_of_which_nothing_is_held_out_or_changes_is_refused(toy: Path, tm
     assert not (tmp_path / "found").exists()
 
 
+def test_a_cell_that_does_not_run_through_its_life_is_an_error_before_its_modes_are_sought(
+    toy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ToyLives, "_one", lambda self, request: None)
+    monkeypatch.setattr(discover_life, "degradation_modes", lambda *_: pytest.fail("modes were sought"))
+    with pytest.raises(BsaError, match="does not run through its life"):
+        discover(options(toy, tmp_path / "found"))
+
+
 def test_ctrl_c_says_how_it_goes_on_and_the_rest_is_printed_as_json(
     toy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

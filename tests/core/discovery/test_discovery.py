@@ -7,6 +7,7 @@ from bsa.core.discovery.explanation import Explanation
 from bsa.core.discovery.findings import Findings, Gap, Nomination
 from bsa.core.discovery.record_discovery import RecordDiscovery
 from bsa.core.discovery.refit import Refit
+from bsa.core.discovery.score import Score
 from bsa.core.effect import Effect, EffectParameter
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.target import InitialSoc
@@ -55,6 +56,23 @@ def found(
 )
 def test_the_headline_says_no_more_than_what_was_found(discovery: RecordDiscovery, words: str) -> None:
     assert discovery.headline == words
+
+
+def test_why_an_effect_was_not_fitted_is_what_happened() -> None:
+    discovery = found("unexplained")
+    likely, unlikely, fit = Score(1.0, 3.0, 9.0), Score(0.0, -3.0, 0.0), discovery.findings.best.fit
+    why = [
+        (Nomination(ONE, "needs cycles"), "needs cycles"),
+        (Nomination(ONE, score=likely, tried=True, screened=fit), "a short fit gained less than others"),
+        (Nomination(ONE, score=unlikely, tried=True, screened=fit), "a short fit gained less than others"),
+        (
+            Nomination(ONE, score=likely, tried=True),
+            "could not be simulated at any strength from which a short fit starts",
+        ),
+        (Nomination(ONE, score=likely), "the score test predicts less gain than for others"),
+        (Nomination(ONE, score=unlikely), "the score test predicts no gain in the allowed direction"),
+    ]
+    assert [discovery._not_fitted(nomination) for nomination, _ in why] == [words for _, words in why]
 
 
 def test_a_signature_and_what_was_seen_are_sentences() -> None:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 from bsa.core.discovery.drift import _drift, drifts
+from bsa.core.errors import BsaError
 from bsa.core.parameters import Candidate, Parameter, ParameterSpace
 from bsa.core.trajectory import FloatArray
 
@@ -51,6 +52,11 @@ def test_a_window_that_cannot_be_simulated_is_left_out() -> None:
 
     (lost,) = drifts(broken, CYCLES, SPACE, lambda one: {"lost": 100.0 * (1.0 - one["lithium"])})
     assert lost.cycles == (50, 150, 200)
+
+
+def test_a_first_window_that_cannot_be_simulated_is_an_error_that_says_which() -> None:
+    with pytest.raises(BsaError, match="could not be simulated in cycle 5 alone"):
+        drifts(lambda cycle, candidates: [None] * len(candidates), CYCLES, SPACE, lambda one: one)
 
 
 @pytest.mark.parametrize("windows", [3, 5, 8])

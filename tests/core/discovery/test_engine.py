@@ -96,6 +96,8 @@ def test_the_mesh_is_corrected_where_the_best_explanation_ended():
     assert findings.best.names == ("sign",)
     assert findings.best.adequacy.adequate
     assert findings.best.estimates["sign"][0].value == pytest.approx(0.01, rel=0.1)
+    # What is told of the mesh is what was corrected in the end: of the wave there is nothing at the base model.
+    assert findings.mesh_v > 1e-3
 
 
 @pytest.mark.parametrize("held", [True, False])
@@ -204,6 +206,23 @@ def test_a_pair_is_found():
     findings = run({"quadratic": 0.01, "sign": 0.015})
     assert findings.verdict == "effect-found"
     assert findings.best.names == ("quadratic", "sign")
+
+
+def test_a_short_fit_that_cannot_be_simulated_was_tried(monkeypatch):
+    problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.02})
+    fitter = Fitter(problem, space, print)
+    base = fitted(fitter, (), 100)
+    (nomination,) = nominate(fitter, base, [toy.HYSTERESIS], toy.EVIDENCE)
+    monkeypatch.setattr(fitter, "nearest", lambda *_: None)
+    assert not nomination.tried
+    screen(fitter, base, nomination)
+    assert nomination.tried
+    assert nomination.screened is None
+
+
+def test_where_no_effect_could_be_tried_the_reason_says_so():
+    findings = run({"quadratic": 0.01}, catalogue=(toy.effect("sign", lacks=lambda evidence: "needs more cycles"),))
+    assert (findings.verdict, findings.reason) == ("unexplained", "no effect could be tried")
 
 
 @pytest.mark.slow

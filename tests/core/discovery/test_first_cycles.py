@@ -6,6 +6,7 @@ from bsa.core.discovery.engine import Engine
 from bsa.core.discovery.findings import Settings
 from bsa.core.discovery.first_cycles import first_cycle, longer, near_cycles
 from bsa.core.discovery.fitting import Fitter
+from bsa.core.discovery.judgement import errors_in_words
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -32,6 +33,16 @@ def test_the_same_stretches_are_kept_back(held):
     new = first_cycle(problem)
     assert not np.all(problem.fitted[0])
     assert np.array_equal(new.fitted[0], problem.fitted[0][: len(new.fitted[0])])
+
+
+def test_a_first_cycle_of_so_few_averages_that_none_is_held_out_is_judged():
+    rng = np.random.default_rng(0)
+    problem, space = toy.problem_of([toy.measured_record("a", rng, {}, program=((1, 24), (-1, 24)), cycles=12)], [])
+    new = first_cycle(problem)
+    assert np.all(new.fitted[0])
+    found = Fitter(new, space, print).at((), np.zeros(len(space)))
+    assert (found.held_rmse_v, found.held_errors) == (np.inf, ())
+    assert errors_in_words(found).startswith(f"{1e3 * found.rmse_v:.2f} mV (")
 
 
 def test_data_not_fitted_can_show_ageing_that_a_hold_out_record_of_one_cycle_cannot():

@@ -126,6 +126,35 @@ def test_two_mechanisms_with_which_nothing_is_left_are_named() -> None:
     assert (found.verdict, found.best.names) == ("effect-found", ("late", "root"))
 
 
+@pytest.mark.parametrize("scale", ["linear", "log"])
+def test_a_second_parameter_starts_where_it_is_known_or_at_its_own_value(scale: str) -> None:
+    bend = EffectParameter("bend", "", 1.0, 0.3, 4.0, 1.0, scale)  # type: ignore[arg-type]
+    bent = replace(LINEAR, name="bent", parameters=(*LINEAR.parameters, bend))
+    hidden = {"bent: lost": 0.2, "bent: bend": 3.0, "root: lost": 0.2}
+    task = life_task(lost_by(hidden))
+    asked: list[Candidate] = []
+
+    def simulate(effects: tuple[Effect, ...], candidates: Sequence[Candidate]) -> list[FloatArray | None]:
+        asked.extend(one for one in candidates if len(effects) == 2)
+        return [residuals(task, Outcome((ExperimentRun(lost_by(one)),))) for one in candidates]
+
+    found = LifeEngine(simulate, Changes(task, FITTED)).run([bent, ROOT])
+    single = next(one for one in found.explanations if one.names == ("bent",))
+    assert asked[0]["bent: bend"] == pytest.approx(single.fit.candidate["bent: bend"]) != 1.0
+    assert found.best.names == ("bent", "root")
+    assert found.best.fit.candidate["bent: bend"] == pytest.approx(3.0, rel=0.15)
+
+
+def lost_by(lost: Candidate) -> Trajectory:
+    """A life that loses capacity by two laws, of one of which the bend is a parameter."""
+    none = life(CYCLES, 0.0)
+    share = np.arange(CYCLES) / (CYCLES - 1)
+    gone = lost.get("bent: lost", 0.0) * share ** lost.get("bent: bend", 1.0) + lost.get("root: lost", 0.0) * share**0.5
+    assert none.cycle_table is not None
+    table = replace(none.cycle_table, capacity_ah=1.0 - gone, resistance_ohm=0.02 * (1.0 + gone))
+    return replace(none, cycle_table=table)
+
+
 def test_each_mechanism_has_a_line_and_a_place_among_those_considered() -> None:
     lines: list[str] = []
     engine = discovery(0.1, 1.0)

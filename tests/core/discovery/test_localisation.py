@@ -47,6 +47,24 @@ def test_the_rate_of_a_step_is_its_mean_over_time(dense):
     assert abs(np.mean(o.current)) > 0.3
 
 
+def test_a_very_high_rate_is_no_rest():
+    o = observed()
+    places = localise([o], [np.zeros(len(o))], 0.01)
+    rates = {place.where for place in places if place.by == "rate"}
+    assert rates == {"rest", "discharge over 1.5C", "charge over 1.5C"}
+    (rest,) = (place for place in places if place.where == "rest")
+    assert rest.samples == np.count_nonzero(o.current == 0.0)
+
+
+def test_a_record_without_a_temperature_is_at_none_beside_one_that_has_it():
+    o = observed()
+    unknown = replace(o, measured_record=replace(o.measured_record, name="b", ambient_k=None))
+    places = localise([o, unknown], [np.zeros(len(o))] * 2, 1.0)
+    where = {place.where: place.samples for place in places if place.by == "temperature"}
+    assert where == {"20 to 30 degC": len(o), "not known": len(o)}
+    assert not any(place.by == "temperature" for place in localise([unknown], [np.zeros(len(o))], 1.0))
+
+
 def test_averages_keep_every_sample_and_the_noise():
     o = observed()
     rng = np.random.default_rng(0)

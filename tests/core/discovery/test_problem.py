@@ -63,6 +63,17 @@ def test_a_mesh_correction_is_not_measured_again_where_it_was_measured_last():
         np.testing.assert_allclose(problem.corrections[name], change, atol=1e-12)
 
 
+def test_the_size_of_the_mesh_correction_is_that_of_what_is_corrected_now():
+    problem, space = toy.problem(np.random.default_rng(0), {}, held=False)
+    assert problem.mesh_v == 0.0
+    problem.simulator = Stairs(1800.0, 0.002)
+    problem.correct_mesh((), space.at(np.zeros(len(space))))
+    corrected = np.concatenate([problem.corrections[name] for name in "ab"])
+    assert problem.mesh_v == pytest.approx(np.sqrt(np.mean(corrected**2))) != 0.0
+    problem.corrections = {name: 2.0 * change for name, change in problem.corrections.items()}
+    assert problem.mesh_v == pytest.approx(2.0 * np.sqrt(np.mean(corrected**2)))
+
+
 def test_candidates_that_a_journal_answers_are_not_counted_as_simulated():
     problem, _ = toy.problem(np.random.default_rng(0), {})
     problem.simulator.simulations, problem.simulator.recalled = 10, 4
