@@ -171,8 +171,8 @@ class Engine:
         """Fit the effects that the scores favour; all the others too, where those explain little. Best first."""
         fitter, before, nominations = known.early_fitter, known.refitted, known.nominations
         keys = list(self._preferred(before, nominations)) if self._preferred is not None else []
-        scored = [n for n in nominations if n.gain > 0]
-        chosen = [n for place, n in enumerate(scored) if place < _SCREENED or n.effect.key in keys]
+        favoured = [n for n in nominations if n.gain > 0][:_SCREENED]
+        chosen = [n for n in nominations if n in favoured or (n.effect.key in keys and not n.lacks)]
         self._say(f"short fits of {counted(len(chosen), 'effect')}")
         # Before the last level of a race, which gets the whole budget, there may be three of a third.
         whole = 2 * min(len(chosen), _CONFIRMED) * REFIT_BUDGET

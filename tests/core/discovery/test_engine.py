@@ -208,6 +208,26 @@ def test_a_pair_is_found():
     assert findings.best.names == ("quadratic", "sign")
 
 
+def test_an_effect_that_a_language_model_names_is_fitted_whatever_its_score():
+    problem, space = toy.problem(np.random.default_rng(0), {"quadratic": 0.01})
+    silent = toy.effect("fade", lacks=lambda evidence: "needs more cycles")
+    asked = []
+    engine = Engine(
+        problem,
+        space,
+        (*CATALOGUE, silent),
+        toy.EVIDENCE,
+        preferred=lambda base, found: asked.append(1) or ["slow", "fade"],
+    )
+    known = engine.shortlist()
+    (slow, fade) = (next(n for n in known.nominations if n.effect.name == name) for name in ("slow", "fade"))
+    slow.score = Score(0.0, -1.0, 0.0)
+    engine.single_effects(known)
+    assert asked
+    assert slow.screened is not None
+    assert not fade.tried
+
+
 def test_a_short_fit_that_cannot_be_simulated_was_tried(monkeypatch):
     problem, space = toy.problem(np.random.default_rng(0), {"sign": 0.02})
     fitter = Fitter(problem, space, print)
