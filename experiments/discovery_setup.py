@@ -100,7 +100,7 @@ class DiscoverySetup:
         if predictions is None:
             return None
         places = localise(problem.observations, problem.errors(predictions), self.capacity_ah)
-        return in_words(places, problem.observations[0].noise)
+        return in_words(places, problem.noise_v)
 
 
 def say_notes(notes: Sequence[str], listener: Listener) -> None:

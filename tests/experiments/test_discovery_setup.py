@@ -2,6 +2,7 @@
 
 import math
 from contextlib import closing
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -57,6 +58,17 @@ def test_an_effect_of_the_run_is_in_the_base_model_and_no_candidate_any_more(tmp
     # A fifteenth of the capacity has passed, of which a twentieth brings the hysteresis to 1/e of its end.
     grown = 1.0 - math.exp(-20.0 / 15.0)
     assert without[0].voltage[-1] - base[0].voltage[-1] == pytest.approx(0.02 * grown, rel=0.02)
+
+
+def test_the_discrepancy_is_worded_with_the_noise_of_all_records_as_in_the_report(monkeypatch):
+    problem = SimpleNamespace(
+        observations=[SimpleNamespace(noise=1e-3)], noise_v=4e-3, predict=lambda *_: [], errors=lambda predictions: []
+    )
+    monkeypatch.setattr(discovery_setup, "localise", lambda *_: [])
+    monkeypatch.setattr(discovery_setup, "in_words", lambda places, noise_v: [f"{noise_v:g}"])
+    base = SimpleNamespace(fit=SimpleNamespace(candidate={}))
+    setup = SimpleNamespace(problem=problem, capacity_ah=1.0)
+    assert discovery_setup.DiscoverySetup.discrepancy(setup, base) == ["0.004"]
 
 
 def test_what_the_model_lacks_of_a_reference_is_taken_off_and_said(tmp_path, monkeypatch):
