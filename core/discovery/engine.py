@@ -194,15 +194,14 @@ class Engine:
             found = ranked([*found, *self._race(known.base, more, fitter.problem)])
         alike = self._screen_alike(known, found, misfit_v)
         found = ranked([*found, *self._race(known.base, alike, fitter.problem)])
-        return self.finish(known.base, found, [*chosen, *alike])
+        return self.finish(known.base, found, nominations)
 
     def _screen_alike(self, known: Shortlist, found: Sequence[Explanation], scored_with_v: float) -> list[Nomination]:
         """Give short fits to effects without one whose sensitivities are nearly collinear with that of the best one.
 
-        Where the score is wrong about the sign, as it can be for all effects that change the time at which a cell is
-        empty, it passes over those that are bounded to the other sign, and one of them may be what is missing. An
-        effect is taken if what it leaves of the best one's gain would not decide between the two. ``scored_with_v`` is
-        the misfit that the scores were taken with, V.
+        Where the score is wrong about the sign, it has passed over them. An effect is taken if what it leaves of the
+        best one's gain would not decide between the two. ``scored_with_v`` is the misfit that the scores were taken
+        with, V.
         """
         gain = bic_difference(known.base, found[0]) if found else 0.0
         if gain <= RULES.clear_bic:
@@ -291,14 +290,13 @@ class Engine:
     # --- to the end -----------------------------------------------------------------------------------------
 
     def finish(
-        self, base: Explanation, explanations: Sequence[Explanation], screened: Sequence[Nomination] = ()
+        self, base: Explanation, explanations: Sequence[Explanation], nominations: Sequence[Nomination] = ()
     ) -> list[Explanation]:
         """Fit the best of some explanations until it has converged, and then single effects from where it ended.
 
-        These are the ones whose own fit has not converged, which is no evidence against them; those that were
-        dropped after a short fit; and those that the best one has besides another, which had fewer simulations. Where
-        the best one leaves only noise, those that were dropped are fitted if this is a better start than their own fit:
-        a leak and an offset of the current draw the same charge, and one of them may have lagged by chance.
+        These are the ones whose own fit has not converged; those that the best one has besides another, which had fewer
+        simulations; and those of the nominations that were dropped after a short fit. Where the best one leaves only
+        noise, these are fitted if this is a better start than their own fit: one of them may have lagged by chance.
         """
         result = self._converge(base, explanations)
         if not result:
@@ -311,7 +309,7 @@ class Engine:
         known = {e.label for e in result}
         fits += [
             partial(self._fitter.from_neighbour, n.effects, n.screened, leader, leader.adequacy.adequate)
-            for n in screened
+            for n in nominations
             if n.screened is not None and n.effect.key not in known
         ]
         best = {e.label: e for e in result}
@@ -337,11 +335,7 @@ class Engine:
         return result
 
     def _with_mesh_of_best(self, explanations: Sequence[Explanation]) -> list[Explanation]:
-        """The same if the best one leaves only noise; else fitted on with the mesh corrected where that one ended.
-
-        The correction was measured at the base model. An effect may lead far from there, and then a part of what is
-        left is an error of the mesh.
-        """
+        """The same if the best one leaves only noise; else fitted on with the mesh corrected where that one ended."""
         result = list(explanations)
         for _ in range(_MORE):
             if not result or result[0].adequacy.adequate:

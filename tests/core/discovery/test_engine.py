@@ -77,6 +77,37 @@ def test_an_effect_that_its_score_passed_over_is_a_rival_if_its_sensitivity_is_t
     assert {findings.best.label, *(rival.label for rival in findings.rivals)} == {toy.QUADRATIC.key, twin.key}
 
 
+@pytest.mark.slow
+def test_an_effect_that_lagged_in_the_second_pass_is_a_rival_too(monkeypatch):
+    """Where what the scores favour helps little, all others get a short fit, in which a twin may lag by chance."""
+    others = [toy.effect(f"close-{number}") for number in range(5)]
+    twin, marks = toy.effect("twin"), toy.marks
+
+    def more(*of):
+        known = marks(*of)
+        near = {one.name: known["quadratic"] + 0.3 * known["slow"] for one in others}
+        return known | near | {"twin": known["quadratic"]}
+
+    def misled(*of):
+        found = nominate(*of)
+        for nomination in found:
+            favoured = nomination.effect is toy.HYSTERESIS
+            nomination.score = replace(nomination.score, gain=nomination.score.gain * favoured)
+        return found
+
+    def late(fitter, before, nomination, *how):
+        screen(fitter, before, nomination, *how)
+        if nomination.effect is twin:
+            nomination.screened = fitter.at((twin,), np.append(before.fit.u, 1.0)).fit
+
+    monkeypatch.setattr(toy, "marks", more)
+    monkeypatch.setattr("bsa.core.discovery.engine.nominate", misled)
+    monkeypatch.setattr("bsa.core.discovery.engine.screen", late)
+    findings = run({"quadratic": 0.01}, catalogue=(*CATALOGUE, *others, twin))
+    assert findings.best.adequacy.adequate
+    assert {findings.best.label, *(rival.label for rival in findings.rivals)} == {toy.QUADRATIC.key, twin.key}
+
+
 class CoarseWhereStrong(toy.ToySimulator):
     """Its usual mesh is off where the effect is strong, as a slow wave along the record, and its fine one is not."""
 
