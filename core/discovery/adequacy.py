@@ -44,21 +44,18 @@ def judge(
     """Test whether residuals are noise.
 
     Two tests. Size: the sum of their squares. Structure: the sum of squares of the means of blocks of four neighbours
-    within a step, scaled to unit variance. Four neighbours that are all off by half a standard deviation pass the
-    first test and fail the second. In both, a residual that stands alone counts for little (`_without_lone`): noise
-    with long tails is no physics.
+    within a step, scaled to unit variance. In both, a residual that stands alone counts for little (`_without_lone`):
+    noise with long tails is no physics.
 
     Parameters
     ----------
     residual : ndarray of shape (n,)
-        Residuals in standard deviations. These contain the floor below which differences are not physics, so that false
-        alarms are rarer than stated.
+        Residuals in standard deviations.
     steps : ndarray of int, shape (n,)
         The step of each residual; neighbours that belong to different records are in different steps.
     taken : ndarray of shape (n, k), optional
         What the fit has removed from the noise of all residuals: the residuals of noise have the covariance
-        ``1 - taken @ taken.T`` (`Refit.taken`). Responses that are smooth take nearly all of their freedom from the
-        means of blocks too, those of a step or a pulse a quarter of it. None where nothing was fitted.
+        ``1 - taken @ taken.T`` (`Refit.taken`). None where nothing was fitted.
     noise_freedom : float
         Degrees of freedom of the estimated standard deviations: sums of squares are compared with the F distribution,
         or with chi-squared where the deviations are known (infinite).

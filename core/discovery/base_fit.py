@@ -75,8 +75,8 @@ def calibrate(fitter: Fitter, starts: int = 2, seed: int = 0) -> Explanation:
 def _coarse_fit(fitter: Fitter, start: FloatArray) -> Refit:
     """The base model before it is weighed against the noise alone; on the cheaper model first, if there is one.
 
-    From coarse to fine: each fit counts as noise what the one before it could not explain, and noise alone is
-    reached only by a model that comes near it. A fit that begins with the noise alone may end where curves are steep.
+    Each fit counts as noise what the one before it could not explain: one that begins with the noise alone may end
+    where curves are steep.
     """
     fitter.problem.misfit_v = _COARSE_V
     fit: Refit | None = None
@@ -148,8 +148,7 @@ def temper(fitter: Fitter, base: Explanation) -> Explanation:
 def near_new(fitter: Fitter) -> tuple[Fitter, Explanation] | None:
     """Records of many cycles up to where the cell as it was new has drifted far, and the base model there.
 
-    Over all cycles an effect that consumes a fifth of the lithium is too strong for a score test, which is linear, and
-    the parameters of a base model that was fitted to all cycles compensate for it. None where no record drifts far.
+    Over all cycles ageing is too strong for a score test, which is linear. None where no record drifts far.
     """
     if fitter.as_new is None:
         return None

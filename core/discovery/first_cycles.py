@@ -22,9 +22,7 @@ _DRIFT_V = 0.01
 def first_cycle(problem: Problem) -> Problem | None:
     """The same problem with long records cut after their first cycle; None where no record is long.
 
-    Fitted to many cycles, the parameters of a model without ageing compensate for ageing. In its first cycle the cell
-    has hardly aged, and one cycle takes a fraction of the time to simulate. The fit of the whole record starts from the
-    parameters of the first cycle, and effects of ageing are added to these.
+    Fitted to many cycles, the parameters of a model without ageing compensate for ageing.
     """
     long = [observed.measured_record.is_long for observed in problem.observations]
     return _cut(problem, [_NEW if there else None for there in long]) if any(long) else None
@@ -42,8 +40,7 @@ def near_cycles(problem: Problem, errors: Sequence[FloatArray]) -> Problem | Non
 def longer(problem: Problem, near: Problem) -> Iterator[Problem]:
     """The same problem on twice as many cycles as ``near``, on four times as many and so on, up to fewer than all.
 
-    With a strength that is 5 % off, a fit of three cycles is a good start on six of them, and a poor one on twenty,
-    where the cell is empty at another time.
+    Many cycles beyond those that were fitted a simulated cell is empty at the wrong time, and that is no start.
     """
     whole, counts = (
         [len(observed.measured_record.record.cycles) for observed in one.observations] for one in (problem, near)

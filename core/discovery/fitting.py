@@ -175,9 +175,8 @@ class Fitter:
     ) -> Explanation | None:
         """Effects fitted once more from the base parameters of another fit; None where that leads nowhere near it.
 
-        The true base parameters are the same whatever effect is added. An effect that comes near the data therefore
-        tells where those of similar effects (all that consume lithium) lie. With ``if_nearer`` they are fitted only if
-        a start with these parameters is better than where their own fit ended.
+        The true base parameters are the same whatever effect is added. With ``if_nearer`` they are fitted only if a
+        start with these parameters is better than where their own fit ended.
         """
         space, count = known.space, len(self.space)
         starts = []
@@ -197,9 +196,7 @@ class Fitter:
     def taken_over(self, near: Problem, fits: Sequence[Fitted]) -> list[Explanation]:
         """Fits of this problem, of its first cycles, or of a cheaper model, as explanations of this problem.
 
-        Those of first cycles are fitted to more and more cycles, and those that keep up with the best one to all of
-        them. Many cycles beyond those that were fitted, a simulated cell is empty at the wrong time, and the Jacobian
-        there is no guide.
+        Those of first cycles are fitted to more and more cycles (`longer`), as long as they keep up with the best one.
         """
         if near is self.problem and self.low is None:
             return [self.explain(effects, fit) for effects, fit in fits]
@@ -225,12 +222,11 @@ class Fitter:
         return [*running, *dropped]
 
     def race(self, explanations: Sequence[Explanation], budget: int) -> tuple[list[Explanation], list[Explanation]]:
-        """Fit explanations side by side, from coarse to fine, as long as they keep up with the best one.
+        """Fit explanations side by side, from coarse to fine; those that kept up with the best one, and the others.
 
-        At each level the misfit of the best one counts as noise, so that differences in cost are evidence. An
-        explanation whose cost lags by more than `LAG`, and whose own slopes promise less than that lag, is dropped,
-        and keeps the fit that it has. The last level, at which the best one is adequate or comes no nearer, gets the
-        whole budget; those before it a third. Returns those that kept up, and the others.
+        At each level the misfit of the best one counts as noise. An explanation is dropped, with the fit that it has,
+        if its cost lags by more than `LAG` and its own slopes promise less than that. The last level, at which the best
+        one is adequate or comes no nearer, gets the whole budget; those before it a third.
         """
         running, dropped = list(explanations), []
         for level in range(_LEVELS):

@@ -92,9 +92,8 @@ def sensitivities_of(fitter: Fitter, explanation: Explanation, effects: Sequence
 def score_where_strong(fitter: Fitter, before: Explanation, nomination: Nomination) -> Score:
     """The score of an effect, or that of one of its larger strengths where this promises more.
 
-    The derivative at the null says nothing of an effect that acts on the voltage only where it is strong: a double
-    layer that relaxes faster than the record is sampled. What a strength leaves is simulated, and the base parameters
-    are moved along as their derivatives say. The strengths are those from which a short fit starts.
+    The strengths are those from which a short fit starts. What each leaves is simulated, and the base parameters are
+    moved along as their derivatives say.
     """
     fit, known = before.fit, nomination.score
     assert known is not None
@@ -123,10 +122,8 @@ def screen(
     """Give a nomination short fits beside what is known, each from the best of some starts; the best one is kept.
 
     One starts near the parameters of the explanation ``before``. ``either_sign`` adds one with strengths of the sign
-    against which the score speaks: where an effect changes the time at which a cell is empty (a leak, an offset of the
-    current), derivatives at a base model whose parameters compensate for the effect say little. If these parameters are
-    far from their priors, one more starts at the means of the priors. ``as_new`` keeps the parameters, which are those
-    of the cell before it aged, where they are.
+    against which the score speaks. If these parameters are far from their priors, one more starts at the means of the
+    priors. ``as_new`` keeps the parameters, which are those of the cell before it aged, where they are.
     """
     nomination.tried = True
     sign = _wanted_sign(nomination)

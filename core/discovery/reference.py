@@ -1,8 +1,4 @@
-"""What a base model lacks of an earlier record of the same test, taken off a later one: only what has changed is left.
-
-A model of a measured cell is wrong by millivolts everywhere, in smooth curves that hide most effects. In a second
-record of the same test on the same cell it is wrong by nearly the same.
-"""
+"""What a base model lacks of an earlier record of the same test, taken off a later one: what has changed is left."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -27,11 +23,10 @@ def without_known(
     references: Sequence[Observations],
     candidate: dict[str, float],
 ) -> list[Observations]:
-    """The averages of records less what the base model lacks of their references, as uncertain as that is.
+    """The averages of records less what the base model lacks of their references (`lacking`), as uncertain as that is.
 
     ``references`` are one for each record, in their order, or several times as many: a first one for each record, then
-    a second one. ``candidate`` are the values of the base model that all are compared at; of each reference the initial
-    state of charge is fitted. Raises `BsaError` if a reference cannot be simulated.
+    a second one.
     """
     found = lacking(simulator, observations, references, candidate)
     count = len(observations)
@@ -57,7 +52,7 @@ def lacking(
     references: Sequence[Observations],
     candidate: dict[str, float],
 ) -> list[tuple[Observations, FloatArray]]:
-    """What the base model lacks of each reference, V, whose initial state of charge is fitted.
+    """What the base model lacks of each reference, V, at some values; its initial state of charge is fitted.
 
     Raises `BsaError` if one cannot be simulated.
     """

@@ -69,8 +69,7 @@ class Prediction:
 class Moments:
     """When a simulation is looked at to be averaged as a record is; shapes are (m,).
 
-    A simulated voltage at the middle of a stretch is not its mean where the voltage bends: over a quarter of an hour
-    before a cell is empty the two are 40 mV apart.
+    Where the voltage bends, that at the middle of a stretch is not its mean.
     """
 
     # time, current: When, s, and the measured current then, A.
