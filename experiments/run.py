@@ -16,8 +16,9 @@ from ..core.encoding import decode_task, encode_task
 from ..core.errors import BsaError
 from ..core.files import write_json, write_text
 from ..core.hooks import RunContext
-from ..core.messages import Backend
+from ..core.messages import Backend, Usage
 from ..core.metrics import Metrics, errors_of
+from ..core.run.allowance import UNLIMITED, Allowance, allowance_of, kept_allowance
 from ..core.run.budget import with_budget
 from ..core.run.journal import FILE_NAME, FORMAT, Journal, check_calibration, opened, read_events
 from ..core.run.listener import SILENT, Listener
@@ -49,9 +50,8 @@ class Resources:
     """What a run may use; none of it changes what the run finds."""
 
     workers: int = 1  # Simulations side by side.
-    # max_tokens, max_cost_usd: Allowance for the language model; once spent, the run stops and can be resumed.
-    max_tokens: int | None = None
-    max_cost_usd: float | None = None
+    # For the language model; once spent, the run stops and can be resumed. What is None is as the run had it before.
+    allowance: Allowance = UNLIMITED
 
 
 def versions() -> dict[str, str]:
@@ -98,7 +98,7 @@ def execute_run(
         if any(event["event"] == "trial" for event in earlier):
             read_run(folder)  # What does not read must be refused before more is written behind it.
         _open_chapter(journal, earlier, task, config, to_discover, rebudgeted)
-        recorder = Recorder(journal, earlier, resources.max_tokens, resources.max_cost_usd)
+        recorder = Recorder(journal, earlier, kept_allowance(journal, earlier, resources.allowance))
         recorder.say = listener.noted
         context = RunContext(task, config.seed, folder, recorder.around(backend), resources.workers, listener.cycled)
 
@@ -183,6 +183,11 @@ def go_on(journal: Journal, first: Mapping[str, Any]) -> None:
 def discovery_command_of(folder: Path) -> str:
     """The command that looks for what the model of an earlier run lacks; empty where its journal names none."""
     return str(next(read_events(folder), {}).get("to_discover", ""))
+
+
+def larger_allowance(folder: Path, usage: Usage) -> dict[str, float]:
+    """Twice the limits that a run has reached with so much, by option; empty where another thing stopped it."""
+    return allowance_of(read_events(folder)).larger(usage.tokens, usage.cost_usd or 0.0)
 
 
 def read_request(folder: Path, budget: Mapping[str, Any] | None = None) -> tuple[Task, RunConfig]:

@@ -69,6 +69,7 @@ def _shapes() -> dict[str, Any]:
         ),
         # Earlier versions did not raise the patience.
         "budget": mapping_with(simulations=int, rounds=int, patience=(int | None, None), proposals=int),
+        "allowance": mapping_with(max_tokens=int | None, max_cost_usd=float | None),
         "score": mapping_with(index=int, metrics=dict[str, float | None] | None, records=(list[RecordErrors], [])),
         "appraisal": mapping_with(appraisal=analysis),
         # Of how many draws of the posterior bands are made; earlier versions did not write it.

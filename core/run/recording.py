@@ -21,6 +21,7 @@ from ..messages import (
     Usage,
 )
 from ..redaction import redact
+from .allowance import UNLIMITED, Allowance
 from .journal import Journal
 
 REPLY, LOST_CALL, VOTE, REVIEW = "reply", "lost-call", "vote", "review"
@@ -40,23 +41,20 @@ class Recorder:
     """The books of a run's language model: the journal's exchanges, and what they cost.
 
     The journal keeps every prompt, reply, vote and review. Of the events of an interrupted run, oldest first, what was
-    answered is given again before the model is asked; what was lost is asked again. Once ``max_tokens`` or
-    ``max_cost_usd`` of the whole run are spent, the next call raises `BudgetSpent`. ``say`` is told of lost calls that
-    are made again. ``usage`` is what the replies cost, ``calls`` how often the model was called, ``lost`` how many of
-    these gave no reply.
+    answered is given again before the model is asked; what was lost is asked again. Once the ``allowance`` of the whole
+    run is spent, the next call raises `BudgetSpent`. ``say`` is told of lost calls that are made again. ``usage`` is
+    what the replies cost, ``calls`` how often the model was called, ``lost`` how many of these gave no reply.
     """
 
     def __init__(
         self,
         journal: Journal,
         earlier: Iterable[Mapping[str, Any]] = (),
-        max_tokens: int | None = None,
-        max_cost_usd: float | None = None,
+        allowance: Allowance = UNLIMITED,
         say: Callable[[str], None] = lambda text: None,
     ) -> None:
         self._journal = journal
-        self._max_tokens = max_tokens
-        self._max_cost_usd = max_cost_usd
+        self._allowance = allowance
         self.say = say
         self.usage = Usage()
         self.calls = self.lost = 0
@@ -107,7 +105,7 @@ class Recorder:
 
     def note_unknown_price(self) -> None:
         """Write down, and tell, that the cost of the run is not known."""
-        holds = " --max-cost cannot end the run." if self._max_cost_usd is not None else ""
+        holds = " --max-cost cannot end the run." if self._allowance.max_cost_usd is not None else ""
         text = f"The price of this language model is not known, so neither is the cost of the run.{holds}"
         self.write("note", text=text)
         self.say(text)
@@ -119,11 +117,8 @@ class Recorder:
 
     def check_allowance(self) -> None:
         """Whether another call may be made. Raises `BudgetSpent` if not."""
-        if self._max_tokens is not None and self.usage.tokens >= self._max_tokens:
-            raise BudgetSpent(f"{self.usage.tokens} tokens used of --max-tokens {self._max_tokens}")
-        spent_usd = self.usage.cost_usd or 0.0
-        if self._max_cost_usd is not None and spent_usd >= self._max_cost_usd:
-            raise BudgetSpent(f"${spent_usd:.4f} spent of --max-cost {self._max_cost_usd:g}")
+        if spent := self._allowance.spent(self.usage.tokens, self.usage.cost_usd or 0.0):
+            raise BudgetSpent(spent)
 
 
 @runtime_checkable

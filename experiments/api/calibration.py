@@ -10,6 +10,7 @@ from typing import Any
 
 from ...core.printable import shown
 from ...core.reading.part_of_file import file_and_part
+from ...core.run.allowance import Allowance
 from ...core.run.journal import FILE_NAME, check_run_folder
 from ...core.task import Task
 from ..checked_options import as_mapping, as_names, simulation_workers
@@ -153,7 +154,8 @@ def calibrate(
         Folder of the run; by default ``runs/<task>-<scaffold>-<n>``.
     resume : path, optional
         Go on with the run in this folder, to ``simulations`` and ``rounds`` in all where these are given, and with the
-        ``patience`` in ``settings``; all other options but ``workers``, ``identifiability`` and allowances are its own.
+        ``patience`` in ``settings``; all other options but ``workers`` and ``identifiability`` are its own, and so are
+        ``max_tokens`` and ``max_cost`` where they are left out.
     progress : bool
         Whether a bar shows how far the search is.
 
@@ -249,10 +251,10 @@ def _carried_out(
 ) -> CalibrationResult:
     from ...backends.opening import ready_backend
     from ..cli.exit_codes import STOPPED
-    from ..run import Resources, execute_run
+    from ..run import Resources, execute_run, larger_allowance
     from .progress import CalibrationBar
 
-    resources = Resources(simulation_workers(workers), max_tokens, max_cost)
+    resources = Resources(simulation_workers(workers), Allowance(max_tokens, max_cost))
     begun = (asked.folder / FILE_NAME).exists()
     backend, may_not_answer = ready_backend(asked.config.backend, asked.config.backend_options, begun)
     if may_not_answer:
@@ -273,11 +275,13 @@ def _carried_out(
         _say_how_to_go_on("interrupted", asked.folder)
         raise  # not even the first simulation was finished: there is no result
     if result.status in STOPPED:
-        _say_how_to_go_on(shown(result.reason or result.status, 400), asked.folder, shown(result.advice, 600))
+        larger = larger_allowance(asked.folder, result.usage)
+        _say_how_to_go_on(shown(result.reason or result.status, 400), asked.folder, shown(result.advice, 600), larger)
     elif result.cut_short:
         _say_how_to_go_on("interrupted; the search is finished, and what follows it is not", asked.folder)
     return CalibrationResult.of(asked.folder)
 
 
-def _say_how_to_go_on(why: str, folder: Path, advice: str = "") -> None:
-    print(f"Stopped: {why}. {advice or f'Go on with: calibrate(resume={str(folder)!r})'}", file=sys.stderr)
+def _say_how_to_go_on(why: str, folder: Path, advice: str = "", larger: Mapping[str, float] | None = None) -> None:
+    given = "".join(f", {key}={value}" for key, value in (larger or {}).items())
+    print(f"Stopped: {why}. {advice or f'Go on with: calibrate(resume={str(folder)!r}{given})'}", file=sys.stderr)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from ...core.run.allowance import Allowance
 from .cell import Cell, Order, Report
 from .store import Store
 
@@ -38,16 +39,6 @@ class Pool(Protocol):
 
     def close(self) -> None:
         """End the workers at once; what they were doing stands in its journal."""
-
-
-@dataclass(frozen=True)
-class Allowance:
-    """What a campaign may spend on language models; once spent, no further cell is begun."""
-
-    # max_tokens, max_cost_usd: Over all cells that this process runs, however they end; what a cell that is taken up
-    # again had cost before counts too.
-    max_tokens: int | None = None
-    max_cost_usd: float | None = None
 
 
 class Watcher(Protocol):
@@ -100,8 +91,9 @@ def run_cells(
 ) -> dict[str, Report]:
     """Run what is missing; two processes may do so side by side.
 
-    Cells without an identity cannot be run, and are left out; the pool is left open. Gives what became of each cell, by
-    identity; those not begun for want of allowance are missing.
+    Cells without an identity cannot be run, and are left out; the pool is left open. The ``allowance`` is that of all
+    cells that this process runs, however they end, with what a cell that is taken up again had cost before; once it is
+    spent, no further cell is begun. Gives what became of each cell, by identity; those not begun are missing.
     """
     state = _CampaignState()
     unique = {cell.identity: cell for cell in cells if cell.identity}
@@ -113,7 +105,7 @@ def run_cells(
             _end(state, watcher, cell, Report(identity, "done", result), found=True)
     last_worker_at = time.monotonic()
     while state.todo or state.running or state.elsewhere:
-        spent = _spent(state, allowance or Allowance())
+        spent = allowance is not None and bool(allowance.spent(state.tokens, state.cost_usd))
         while state.todo and pool.free > 0 and not spent:
             cell = state.todo.popleft()
             state.running[cell.identity] = cell
@@ -133,12 +125,6 @@ def run_cells(
             last_worker_at = time.monotonic()
         watcher.tick(len(state.elsewhere))
     return state.reports
-
-
-def _spent(state: _CampaignState, allowance: Allowance) -> bool:
-    return (allowance.max_tokens is not None and state.tokens >= allowance.max_tokens) or (
-        allowance.max_cost_usd is not None and state.cost_usd >= allowance.max_cost_usd
-    )
 
 
 def _take(state: _CampaignState, report: Report, store: Store, watcher: Watcher) -> None:

@@ -9,9 +9,10 @@ from typing import Any, Generic, TypeVar
 from ...backends.opening import check_backend
 from ...core.contracts.registry import installed
 from ...core.errors import BsaError
+from ...core.run.allowance import Allowance
 from .calibration import Calibration
 from .cell import Cell, Report
-from .execution import Allowance, Pool, Watcher, run_cells
+from .execution import Pool, Watcher, run_cells
 from .expansion import expand
 from .grid_file import GridFile, grid_path, load_grid
 from .results import check_grid_folder, rows_of, write_manifest, write_rows

@@ -18,7 +18,8 @@ from .exit_codes import INTERRUPTED
 from .option_groups import with_options
 
 if TYPE_CHECKING:
-    from ..campaign.execution import Allowance, Pool
+    from ...core.run.allowance import Allowance
+    from ..campaign.execution import Pool
     from ..campaign.progress import LiveCampaign, PlainCampaign
     from ..campaign.running import Plan
     from ..campaign.study_cell import StudyCell, Table
@@ -123,7 +124,7 @@ class Execution(Executors):
 
     @property
     def _allowance(self) -> Allowance:
-        from ..campaign.execution import Allowance
+        from ...core.run.allowance import Allowance
 
         return Allowance(self.max_tokens, self.max_cost)
 

@@ -165,6 +165,7 @@ def run(
     version: shared.Version = False,
 ) -> None:
     """Calibrate a model against a target: the packaged demo, a task file, or cycler records."""
+    from ...core.run.allowance import Allowance
     from ..another_budget import asked_anew
     from ..checked_options import simulation_workers
     from ..request import RunRequest, run_request
@@ -175,7 +176,7 @@ def run(
 
     if out is not None:
         check_run_folder(out)
-    resources = Resources(simulation_workers(workers), max_tokens, max_cost)
+    resources = Resources(simulation_workers(workers), Allowance(max_tokens, max_cost))
     if resume is not None:
         taken = ("simulations", "rounds", "settings", "workers", "identifiability", "max_tokens", "max_cost", "as_json")
         shared.note_what_resuming_leaves(context, taken)
@@ -240,7 +241,7 @@ def _execute(
 ) -> None:
     from ...backends.opening import ready_backend
     from ...core.metrics import objective_of
-    from ..run import execute_run, summary
+    from ..run import execute_run, larger_allowance, summary
     from .no_model import NoModelTold
     from .progress import LiveProgress, PlainProgress, note_line
 
@@ -284,7 +285,9 @@ def _execute(
         _print_summary(task, result, folder, _how_to_go_on(result, config, folder, identifiability))
     if result.status in STOPPED:
         why = one_line(result.reason or result.status, 400)
-        print(f"Stopped: {why}. {one_line(result.advice, 600) or f'Go on with: {go_on}'}", file=sys.stderr)
+        larger = larger_allowance(folder, result.usage)
+        more = "".join(f" --{key.replace('_', '-')} {value}" for key, value in larger.items())
+        print(f"Stopped: {why}. {one_line(result.advice, 600) or f'Go on with: {go_on}{more}'}", file=sys.stderr)
         raise typer.Exit(STOPPED[result.status])
     if result.cut_short:
         print(

@@ -6,12 +6,15 @@ import socket
 import subprocess
 import sys
 import textwrap
+from dataclasses import replace
 from pathlib import Path
 
 import bsa
 import numpy as np
 import pytest
+from bsa.backends.rules.backend import RulesBackend
 from bsa.core.errors import BsaError
+from bsa.core.messages import Usage
 from bsa.experiments.cli.run import run as command
 from bsa.experiments.tasks.find import PACKAGED
 from bsa_toy_cell import CAPACITY, HIDDEN, SERIES, toy_task
@@ -170,6 +173,20 @@ def test_a_run_goes_on_with_more_simulations_and_refuses_less(tmp_path) -> None:
     assert more.to_json()["identifiability"]["budget"] == 16
     with pytest.raises(BsaError, match="has made 16 simulations"):
         bsa.calibrate(resume=toy.folder, simulations=3, progress=False)
+
+
+def test_a_spent_allowance_holds_when_the_run_goes_on(tmp_path, monkeypatch, capsys) -> None:
+    plain = RulesBackend.complete
+    monkeypatch.setattr(
+        RulesBackend, "complete", lambda *given, **seed: replace(plain(*given, **seed), usage=Usage(50, 50, 0, 0.01))
+    )
+    folder = tmp_path / "run"
+    options = {**SMALL, "settings": {"simulator": "toy-cell"}, "identifiability": False}
+    bsa.calibrate(toy_task(), out=folder, max_tokens=200, **options)
+    told = f"200 tokens used of --max-tokens 200. Go on with: calibrate(resume={str(folder)!r}, max_tokens=400)"
+    assert told in capsys.readouterr().err
+    assert bsa.calibrate(resume=folder, identifiability=False, progress=False).status == "budget-spent"
+    assert told in capsys.readouterr().err
 
 
 def test_a_server_that_is_not_there_is_told_before_any_simulation(tmp_path) -> None:

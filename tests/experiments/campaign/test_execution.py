@@ -18,10 +18,11 @@ from pathlib import Path
 import pytest
 from bsa.backends.rules.backend import RulesBackend
 from bsa.core.messages import BackendUnreachable, Reply, Usage
+from bsa.core.run.allowance import Allowance
 from bsa.core.run.journal import FORMAT, LOCK, Journal
 from bsa.experiments.campaign import calibration
 from bsa.experiments.campaign.cell import Order, Report, carry_out
-from bsa.experiments.campaign.execution import LOSSES, Allowance, run_cells
+from bsa.experiments.campaign.execution import LOSSES, run_cells
 from bsa.experiments.campaign.local_pool import LocalPool
 from bsa.experiments.campaign.model_places import SharedBackend
 from bsa.experiments.campaign.results import rows_of

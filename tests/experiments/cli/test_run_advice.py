@@ -6,11 +6,15 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
+import typer
+from bsa.backends.rules.backend import RulesBackend
 from bsa.core.cell import CELL
 from bsa.core.inference.identifiability import Identifiability, Interval
 from bsa.core.inference.measure_next import Suggestion
 from bsa.core.inference.post_fit_analysis import PostFitAnalysis
+from bsa.core.messages import Usage
 from bsa.core.parameters import Parameter, ParameterSpace
+from bsa.core.run.allowance import Allowance
 from bsa.core.run.journal import read_events
 from bsa.core.run.run_config import RunConfig
 from bsa.core.target import OcpShape
@@ -167,6 +171,30 @@ def test_a_run_whose_analysis_lacks_simulations_says_the_command_though_its_sear
     assert list(_how_to_go_on(lacking, config, tmp_path / "run", True)) == [
         f"To go on with more simulations: bsa-run --resume {tmp_path / 'run'} --simulations 120"
     ]
+
+
+def test_a_spent_allowance_holds_when_the_run_goes_on_and_the_command_gives_twice_it(
+    tmp_path, monkeypatch, capsys
+) -> None:
+    plain = RulesBackend.complete
+    monkeypatch.setattr(
+        RulesBackend, "complete", lambda *given, **seed: replace(plain(*given, **seed), usage=Usage(50, 50, 0, 0.01))
+    )
+    config = RunConfig(scaffold=toy_scaffold("full"), backend="rules", simulations=12, warm_up=2, rounds=6)
+    folder = tmp_path / "run"
+
+    def stopped(*limits: float | None) -> str:
+        with pytest.raises(typer.Exit):
+            _execute(
+                RunRequest(toy_task(), config, folder), Resources(1, Allowance(*limits)), True, False, resumed=True
+            )
+        return capsys.readouterr().err.splitlines()[-1]
+
+    go_on = f"Go on with: bsa-run --resume {folder} --no-identifiability"
+    by_cost = f"Stopped: $0.0200 spent of --max-cost 0.02. {go_on} --max-cost 0.04"
+    assert stopped(None, 0.02) == by_cost
+    assert stopped() == by_cost
+    assert stopped(150, 0.04) == f"Stopped: 200 tokens used of --max-tokens 150. {go_on} --max-tokens 400"
 
 
 def test_the_name_of_a_task_does_not_steer_the_terminal(tmp_path, capsys) -> None:
