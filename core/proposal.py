@@ -21,6 +21,10 @@ FIT = "fit"
 PROBLEMS, NO_REPLY = "problems", "no reply"
 """In a proposal's details: what was wrong with the language model's answers, in order; how one begins that is none."""
 
+CHANGED_FROM = "changed_from"
+"""In a proposal's details: the number of the simulation whose values the candidates change, where one was named to the
+language model."""
+
 ALREADY_SIMULATED = "already_simulated"
 """In a proposal's details: how many candidates were left out since the run has simulated them."""
 

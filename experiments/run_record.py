@@ -1,7 +1,7 @@
 """A run record: what a journal tells, in plain data that reports, campaigns and the command line share."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +15,7 @@ from ..core.inference.prediction import HELD_OUT, Prediction, decode_prediction
 from ..core.messages import Usage
 from ..core.metrics import Metrics, decode_metrics
 from ..core.parameters import Parameter
-from ..core.proposal import LACKING, unusable_replies
+from ..core.proposal import CHANGED_FROM, LACKING, unusable_replies
 from ..core.run.after_search import ANALYSIS, NO_BAND, NOT_ANALYSED, NOT_PREDICTED, SCORE, read_record_errors
 from ..core.run.answer import answer
 from ..core.run.budget import BUDGET, since_budget, with_budget
@@ -50,6 +50,7 @@ class Round:
     lost: str
     finished: bool  # Whether the proposer asked to stop.
     base: Trial  # The trial with the lowest objective before this round.
+    changed_from: Trial  # The trial whose values its candidates change: `base` where the proposer names none.
     trials: tuple[Trial, ...]  # The candidates that were tried, in order; empty for a lost round.
     repeats: Mapping[int, int]  # Simulations of values that were simulated before, with the number of the earlier one.
     # The calls of the language model that led to the proposal, votes and reviews among them.
@@ -287,21 +288,35 @@ def _rounds(events: Iterable[Mapping[str, Any]], trials: tuple[Trial, ...]) -> t
             phase, number = event["phase"], event["round"]
             mine = tuple(trial for trial in trials if (trial.phase, trial.round) == (phase, number))
             repeats = {trial.index: earlier.index for trial in mine if (earlier := repeated_by(trial, trials))}
-            rounds.append(_round(event, best, mine, repeats, tuple(exchanges)))
+            rounds.append(_round(event, best, _changed_from(event, trials) or best, mine, repeats, tuple(exchanges)))
             exchanges = []
             best = lowest((best, *mine))
     return tuple(rounds)
 
 
+def _changed_from(event: Mapping[str, Any], trials: Sequence[Trial]) -> Trial | None:
+    place = event["details"].get(CHANGED_FROM)
+    return next((trial for trial in trials if trial.index == place), None)
+
+
 def _round(
     event: Mapping[str, Any],
     base: Trial,
+    changed_from: Trial,
     trials: tuple[Trial, ...],
     repeats: Mapping[int, int],
     exchanges: tuple[Exchange, ...],
 ) -> Round:
     told = {name: event[name] for name in _PROPOSED}
-    return Round(**told, number=event["round"], base=base, trials=trials, repeats=repeats, exchanges=exchanges)
+    return Round(
+        **told,
+        number=event["round"],
+        base=base,
+        changed_from=changed_from,
+        trials=trials,
+        repeats=repeats,
+        exchanges=exchanges,
+    )
 
 
 _PROPOSED = ("phase", "hypothesis", "rationale", "action", "updates", "details", "lost", "finished")

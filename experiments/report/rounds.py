@@ -51,9 +51,9 @@ def changes(space: ParameterSpace, base: Trial, trial: Trial) -> list[Printed]:
 
 
 def _chapter(round_: Round, space: ParameterSpace, library: _Library) -> Printed:
-    best = round_.best
+    best, start = round_.best, round_.changed_from
     several = len(round_.trials) > 1
-    changed = changes(space, round_.base, best) if best is not None and not several else []
+    changed = changes(space, start, best) if best is not None and not several else []
     return {
         "title": f"Round {round_.number}" if round_.phase == "search" else "Warm-up",
         "verdict": _verdict(round_),
@@ -67,7 +67,10 @@ def _chapter(round_: Round, space: ParameterSpace, library: _Library) -> Printed
         "simulations": _simulations(round_),
         "main": changed[:_SHOWN_CHANGES],
         "other": changed[_SHOWN_CHANGES:],
-        "rows": [_row(space, round_.base, trial) for trial in round_.trials] if several else [],
+        "against": "the best before"
+        if round_.changed_from is round_.base
+        else f"simulation {round_.changed_from.index}",
+        "rows": [_row(space, start, trial) for trial in round_.trials] if several else [],
         "remarks": _remarks(round_),
         "calls": [library.call(exchange, first=place == 0) for place, exchange in enumerate(round_.exchanges)],
     }
@@ -110,6 +113,11 @@ def _remarks(round_: Round) -> list[str]:
     if isinstance(projected, list) and projected:
         names = ", ".join(short_name(str(name)) for name in projected)
         remarks.append(f"Kept inside its bounds: {clipped(names, 500)}.")
+    if round_.trials and round_.changed_from is not round_.base:
+        remarks.append(
+            f"It changes simulation {round_.changed_from.index}, the present one to the model; the lowest error before "
+            f"was that of simulation {round_.base.index}."
+        )
     problems = details.get(PROBLEMS)
     # A lost round already gives them as its reason.
     if isinstance(problems, list) and problems and not round_.lost:

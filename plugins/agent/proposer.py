@@ -10,7 +10,7 @@ from ...core.errors import BsaError
 from ...core.hooks import ProposeContext, RunContext, hookimpl
 from ...core.messages import Backend, Message
 from ...core.parameters import Candidate
-from ...core.proposal import PROBLEMS, Proposal
+from ...core.proposal import CHANGED_FROM, PROBLEMS, Proposal
 from ...core.trial import closest
 from .actions import FREE, Action, Kind, Offer, action_schema, check_action
 from .conversation import Answer, answered, ask
@@ -170,7 +170,11 @@ def _proposal(answer: Answer[Action], free: list[str], situation: Situation) -> 
     action = answer.value
     if action is None:
         return Proposal((), lost="; ".join(answer.problems) or "no usable reply", details=details)
-    details |= {"analysis": action.analysis, "projected": list(action.projected)}
+    details |= {
+        CHANGED_FROM: situation.base.index,
+        "analysis": action.analysis,
+        "projected": list(action.projected),
+    }
     if action.kind == "jacobian":
         candidates = differences(situation, action.parameters, situation.context.simulations_left)
         details["authors"] = ["jacobian"] * len(candidates)

@@ -23,6 +23,7 @@ from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.core.trial import Trial
 from bsa.experiments.report import page as report_page
 from bsa.experiments.report.page import build_report
+from bsa.experiments.report.rounds import chapters
 from bsa.experiments.report.thinning import thin_curve
 from bsa.experiments.report.wording import change, clipped, factor, number, quantity, unit
 from bsa.experiments.run_record import UNFINISHED, read_run
@@ -141,6 +142,24 @@ class TestRunRecord:
         assert [r.base.index for r in run.rounds] == [0, 0, 3, 3]
         assert [r.improved for r in run.rounds] == [False, True, False, False]
         assert run.rounds[2].exchanges[0].lost == "no server"
+
+    def test_changes_are_those_of_the_simulation_that_the_model_was_told_of(self, tmp_path):
+        writer = Writer(tmp_path / "run", make_task())
+        writer.trial(0, "initial", 0, 40.0)
+        writer.proposal("warm-up", 1, 1)
+        writer.trial(1, "warm-up", 1, 30.0, **{RADIUS: 6e-6})
+        writer.proposal("search", 1, details={"changed_from": 0})
+        writer.trial(2, "search", 1, 35.0, **{POROSITY: 0.35})
+        writer.proposal("search", 2, details={"changed_from": [7]})
+        writer.trial(3, "search", 2, 36.0, **{RADIUS: 6e-6, POROSITY: 0.4})
+        _, told, unknown = chapters(read_run(writer.folder))
+        assert [one["name"] for one in told["main"]] == ["Positive electrode porosity"]
+        assert (told["verdict"], told["before"]) == ("worse", "30")
+        assert told["remarks"] == [
+            "It changes simulation 0, the present one to the model; the lowest error before was that of simulation 1."
+        ]
+        assert [one["name"] for one in unknown["main"]] == ["Positive electrode porosity"]
+        assert unknown["remarks"] == []
 
     def test_headline_numbers(self, folder):
         run = read_run(folder)

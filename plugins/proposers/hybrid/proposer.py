@@ -16,7 +16,7 @@ from pydantic import Field
 from ....core.hooks import ProposeContext, RunContext, hookimpl
 from ....core.parameters import Candidate
 from ....core.prompt_sections import RECORD
-from ....core.proposal import ALREADY_SIMULATED, FIT, PROBLEMS, Proposal
+from ....core.proposal import ALREADY_SIMULATED, CHANGED_FROM, FIT, PROBLEMS, Proposal
 from ....core.trial import Trial, simulated_with
 from ...agent.actions import Action, Kind, Offer
 from ...agent.conversation import Answer
@@ -70,7 +70,7 @@ class HybridProposer:
         self._misfits: list[float] = []
         self._clipped: tuple[str, ...] = ()
         self._look_at: tuple[int, ...] = ()
-        self._seen = 0
+        self._seen = self._present = 0
         self._main_asked = 0
         self._main_spent, self._agent_spent, self._hold = 0, 0, 0
 
@@ -171,6 +171,7 @@ class HybridProposer:
             bool(context.task.domain.drives),
             situation.cycles,
         )
+        self._present = situation.base.index
         messages = build_messages(situation, offer, self._numerics(main_fit, allowance))
         answer, _ = converse(self._backend, situation, offer, messages, self._options.free_actions)
         self._clipped = answer.value.projected if answer.value is not None else ()
@@ -281,6 +282,8 @@ class HybridProposer:
             details[PROBLEMS] = list(answer.problems)
         if action is not None:
             details["analysis"] = action.analysis
+            if action.candidates and not main:
+                details[CHANGED_FROM] = self._present
             if ALREADY_SIMULATED in self._log[-1]:
                 details[ALREADY_SIMULATED] = self._log[-1][ALREADY_SIMULATED]
         return Proposal(

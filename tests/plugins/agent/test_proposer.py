@@ -69,6 +69,7 @@ def test_free_questions_are_answered_in_the_same_round(run_toy: RunToy, tmp_path
     run_toy(tmp_path, scaffold=without_warm_up(), backend=backend, rounds=2, simulations=4)
     first, second = proposals(tmp_path)
     assert "free_actions" not in first["details"]
+    assert first["details"]["changed_from"] == 0
     assert second["details"]["free_actions"] == ["predict", "look"]
     assert [message.role for message in backend.prompts[3]] == ["system", *["user", "assistant"] * 2, "user"]
     assert "## Suggested change" in backend.prompts[2][-1].text
