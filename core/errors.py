@@ -33,6 +33,10 @@ class BsaError(Exception):
         return type(self), (self.message, self.hint)
 
 
+class SamplesError(BsaError):
+    """Samples of which no trajectory can be made: of a record the user mends them, of a simulation its authors do."""
+
+
 def did_you_mean(name: str, choices: Iterable[str]) -> str:
     """Name the closest valid choice, as the start of a hint.
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .ageing.cycle_table import CycleTable
-from .errors import BsaError
+from .errors import BsaError, SamplesError
 from .printable import counted
 from .thinning import ROUNDING, where_they_bend
 
@@ -146,17 +146,17 @@ class Trajectory:
     def _check(self) -> None:
         for name, values in {"time": self.time, **self.signals, "inserted": self.inserted}.items():
             if values.shape != np.shape(self.time) or values.ndim != 1:
-                raise BsaError(
+                raise SamplesError(
                     f"{name} has shape {values.shape}, but time has shape {np.shape(self.time)}.",
                     "all signals of a trajectory share one time axis of shape (n,).",
                 )
             wild = ~(np.abs(values) <= LARGEST)
             if np.any(wild):
                 row = int(np.flatnonzero(wild)[0])
-                raise BsaError(f"{name} is {values[row]} at sample {row}.", "remove or repair the sample.")
+                raise SamplesError(f"{name} is {values[row]} at sample {row}.", "remove or repair the sample.")
         if len(self.time) > 1 and np.any(np.diff(self.time) < 0):
             row = int(np.flatnonzero(np.diff(self.time) < 0)[0]) + 1
-            raise BsaError(
+            raise SamplesError(
                 f"time runs backwards at sample {row} ({self.time[row - 1]:g} s, then {self.time[row]:g} s).",
                 "sort the record, or cut it where the clock restarts.",
             )

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..errors import BsaError
+from ..errors import BsaError, SamplesError
 from ..messages import BackendFailure, RunStopped
 from ..printable import shown
 
@@ -30,13 +30,17 @@ class Unfit(Exception):
 def border(who: str, hook: str) -> Iterator[None]:
     """Name the plugin in whatever its code raises, or its products lack, inside the block.
 
-    Ctrl-C, a stopped run, a lost call and a `BsaError` pass as they are. Everything else is caught, `SystemExit`
+    Ctrl-C, a stopped run, a lost call and a `BsaError` pass as they are, but for one of samples of which no trajectory
+    can be made: here they are the plugin's and not the user's. Everything else is caught, `SystemExit`
     included: a plugin does not end the process. ``who`` is kind, name, distribution and version, ``"memory notebook of
     my-plugin 0.1"``, ``hook`` what it was called for, ``"remember"``. Raises `BsaError`: ``memory notebook of my-plugin
     0.1: boom in remember``.
     """
     try:
         yield
+    except SamplesError as error:
+        hint = f"every sample has a finite number, at a time that does not fall; {_where(error)}; tell its authors."
+        raise BsaError(f"{who}: {hook} gave samples that make no trajectory: {error.message}", hint) from error
     except _OURS:
         raise
     except Unfit as fault:

@@ -83,7 +83,9 @@ def _periods(values: object, what: str) -> None:
             _number(time, f"a time of {what}")
 
 
-def outcomes(pairs: object, candidates: int, signals: Sequence[Sequence[str]]) -> Iterator[tuple[int, Outcome]]:
+def outcomes(
+    pairs: object, candidates: int, experiments: Sequence[Experiment], signals: Sequence[Sequence[str]]
+) -> Iterator[tuple[int, Outcome]]:
     """The outcomes of a simulator as they come: one for each candidate, with one run for each experiment.
 
     ``signals`` are the names of those that each experiment's simulation has.
@@ -106,7 +108,7 @@ def outcomes(pairs: object, candidates: int, signals: Sequence[Sequence[str]]) -
                 f"places are 0 to {candidates - 1}, each answered once.",
             )
         missing.discard(place)
-        yield place, outcome(found, signals)
+        yield place, outcome(found, experiments, signals)
     if missing:
         raise Unfit(
             f"gave no outcome for {len(missing)} of {counted(candidates, 'candidate')}, the first at place "
@@ -115,7 +117,7 @@ def outcomes(pairs: object, candidates: int, signals: Sequence[Sequence[str]]) -
         )
 
 
-def outcome(product: object, signals: Sequence[Sequence[str]]) -> Outcome:
+def outcome(product: object, experiments: Sequence[Experiment], signals: Sequence[Sequence[str]]) -> Outcome:
     """One run for each experiment, each with a trajectory of its signals or the reason why there is none."""
     found = instance(product, Outcome, "yielded {}")
     _number(found.seconds, "Outcome.seconds")
@@ -125,9 +127,31 @@ def outcome(product: object, signals: Sequence[Sequence[str]]) -> Outcome:
             f"yielded an Outcome with {count} runs for {counted(len(signals), 'experiment')}",
             "Outcome.runs is a tuple.",
         )
-    for run, names in zip(found.runs, signals, strict=True):
+    for run, experiment, names in zip(found.runs, experiments, signals, strict=True):
         _run(instance(run, ExperimentRun, "yielded an Outcome with a run that is {}"), names)
+        _whole(run, experiment)
     return found
+
+
+_ALL = 0.999
+"""Share of a record's duration that a simulation without a failure lasts: how long the last sample does is open."""
+
+
+def _whole(run: ExperimentRun, experiment: Experiment) -> None:
+    """Refuse a simulation under a measured drive that ends before its record and does not say why.
+
+    Its first samples alone would have the least error. Under a protocol the simulated cell decides how long it lasts.
+    """
+    record = experiment.target
+    if experiment.protocol is not None or run.failure is not None or run.trajectory is None:
+        return
+    if run.trajectory.duration < _ALL * record.duration:
+        ours = f"{len(run.trajectory)} samples that end after {run.trajectory.duration:,.6g} s"
+        theirs = f'the record "{shown(experiment.name)}" has {len(record)} in {record.duration:,.6g} s'
+        raise Unfit(
+            f"yielded {ours}, without a failure; {theirs}",
+            "simulate to the end of the record, or say in SimulationFailure why it ends before.",
+        )
 
 
 def _run(run: ExperimentRun, signals: Sequence[str]) -> None:

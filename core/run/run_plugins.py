@@ -105,7 +105,7 @@ class RunPlugins:
     ) -> Iterator[tuple[int, Outcome]]:
         task = self._context.task
         signals = [[signal.name for signal in task.signals_of(experiment)] for experiment in experiments]
-        checked = products.outcomes(pairs, candidates, signals)
+        checked = products.outcomes(pairs, candidates, experiments, signals)
         while True:
             with border(simulator.who, hook):
                 pair = next(checked, None)

@@ -6,6 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from bsa.backends.rules.backend import RulesBackend
 from bsa.core.contracts.registry import Registry
@@ -175,6 +176,47 @@ def test_a_simulator_that_breaks_its_word_is_named(name: str) -> None:
         simulated(plugins(simulator=lambda self, candidates, exact: answer))
     assert str(raised.value).startswith("simulator zz-simulator of zz-fault 0.1: simulate ")
     assert words in raised.value.message
+
+
+def driven(end: int, failure: SimulationFailure | None = None) -> RunPlugins:
+    """Of a simulator that answers a record under its measured current with some of its first samples."""
+    whole = GOOD.runs[0].trajectory
+    assert whole is not None
+    measured = replace(TASK.experiments[0], protocol=None, target=whole)
+    run = ExperimentRun(whole.slice(0, end), failure)
+    made = plugins(simulator=lambda self, candidates, exact: [(0, Outcome((run,)))])
+    made._context = replace(made._context, task=replace(TASK, experiments=(measured,)))
+    return made
+
+
+def test_a_simulation_that_ends_before_its_record_says_why() -> None:
+    whole = GOOD.runs[0].trajectory
+    assert whole is not None
+    with pytest.raises(BsaError) as raised:
+        simulated(driven(2), 1)
+    assert raised.value.message == (
+        "simulator zz-simulator of zz-fault 0.1: simulate yielded 2 samples that end after 60 s, without a failure; "
+        f'the record "toy record" has 262 in {whole.duration:,.6g} s.'
+    )
+    assert "SimulationFailure" in raised.value.hint
+    assert simulated(driven(2, SimulationFailure("gave up")), 1)
+    assert simulated(driven(262), 1)
+
+
+@pytest.mark.parametrize(
+    ("voltage", "words"),
+    [([4.0, float("nan")], "voltage is nan at sample 1."), ([4.0], "voltage has shape (1,), but time has shape (2,).")],
+)
+def test_samples_that_are_none_are_those_of_the_simulator(voltage: list[float], words: str) -> None:
+    def simulate(self: Any, candidates: Any) -> Iterator[tuple[int, Outcome]]:
+        time = np.array([0.0, 1.0])
+        yield 0, Outcome((ExperimentRun(Trajectory(time, np.zeros(2), np.array(voltage))),))
+
+    with pytest.raises(BsaError) as raised:
+        simulated(plugins(simulator=simulate), 1)
+    assert raised.value.message.startswith("simulator zz-simulator of zz-fault 0.1: simulate gave samples ")
+    assert raised.value.message.endswith(words)
+    assert "repair the sample" not in raised.value.hint
 
 
 def test_outcomes_before_an_exception_count() -> None:
