@@ -107,13 +107,16 @@ class AfterSearch:
         )
         return Score(metrics, records)
 
+    def known_analysis(self, best: Trial) -> PostFitAnalysis | None:
+        """What the records fix at the best trial, if it was found out before."""
+        known = self._analyses.get(best.index)
+        return None if known is None else PostFitAnalysis.from_json(known["appraisal"])
+
     def analyse(self, trials: Sequence[Trial], best: Trial, budget: int) -> PostFitAnalysis | None:
         """What the records fix at the best trial; from the journal if it was found out before."""
-        known = self._analyses.get(best.index)
-        if known is not None:
-            return PostFitAnalysis.from_json(known["appraisal"])
-        if self.cut_short:
-            return None
+        known = self.known_analysis(best)
+        if known is not None or self.cut_short:
+            return known
         if best.ok:
             self._listener.noted("The search has ended; now what the record fixes, and what to measure next.")
         try:

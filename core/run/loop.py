@@ -94,7 +94,8 @@ class Run:
     """One run of one task.
 
     ``recorder`` keeps the books of the language model; ``earlier`` are the events of the interrupted run, if any.
-    ``analysing`` looks, after the search, at what the records fix, which costs simulations that are not the search's.
+    ``analysing`` looks, after the search, at what the records fix, which costs simulations that are not the search's;
+    without it only an analysis that the journal holds is told.
     ``forecast`` is given the result as soon as the rest of a life is forecast, before that analysis.
     """
 
@@ -385,7 +386,12 @@ class Run:
         soon = self._after.forecast(best) if analysing else ()
         if soon:
             self._forecast(result(None, soon, time.perf_counter() - started))
-        analysis = self._after.analyse(self._trials, best, self._config.simulations) if analysing else None
+        # What was found out before is not forgotten where nothing further is to be.
+        analysis = (
+            self._after.analyse(self._trials, best, self._config.simulations)
+            if analysing
+            else self._after.known_analysis(best)
+        )
         held_out = self._after.predict(best, analysis, fit.records) if last_word else ()
         took_s = time.perf_counter() - started
         self._journal.append("end", status=status, best=best.index, wall_s=took_s)

@@ -137,7 +137,7 @@ def run(
         bool,
         shared.search_option(
             " /--no-identifiability",
-            help="Do not simulate, after the search, what the record fixes and what to measure next.",
+            help="Make no analysis, after the search, of what the record fixes and what to measure next.",
             show_default=False,
         ),
     ] = True,
@@ -312,7 +312,7 @@ def _how_to_go_on(result: RunResult, config: RunConfig, folder: Path, identifiab
         yield f"To search on: {_resume_command(folder, identifiability)} {more}"
     elif result.analysis is not None and needs_more(result.analysis, ended_by_itself(result.status, result.reason)):
         yield f"To go on with more simulations: {_resume_command(folder)} --simulations {2 * config.simulations}"
-    if not identifiability and len(result.trials) > 1:
+    if not identifiability and result.analysis is None and len(result.trials) > 1:
         yield f"What the record fixes was not looked for; to find out: {_resume_command(folder)}"
 
 

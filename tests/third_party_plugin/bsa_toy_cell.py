@@ -102,7 +102,10 @@ class ToyCell:
     def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
         """See `RunHooks.simulate`."""
         for place, candidate in enumerate(candidates):
-            yield place, Outcome((self._run(candidate, CURRENT_A),), 1e-4)
+            run = self._run(candidate, CURRENT_A)
+            if run.trajectory is not None and self._experiment.protocol is None:
+                run = replace(run, trajectory=lasting(run.trajectory, self._experiment.target.duration))
+            yield place, Outcome((run,), 1e-4)
 
     @hookimpl
     def simulate_low_fidelity(self, candidates: Sequence[Candidate]) -> Iterator[tuple[int, Outcome]] | None:
@@ -143,6 +146,19 @@ class ToyCell:
             return ExperimentRun(whole)
         failure = SimulationFailure("the toy solver gave up", "Discharge at 1 A until 3.2 V", 1, 60.0)
         return ExperimentRun(whole.slice(0, 2), failure)
+
+
+def lasting(simulated: Trajectory, duration_s: float) -> Trajectory:
+    """The same, at rest until its record ends."""
+    if simulated.duration >= duration_s:
+        return simulated
+    *steps, last = simulated.steps
+    return Trajectory(
+        np.append(simulated.time, duration_s),
+        np.append(simulated.current, 0.0),
+        np.append(simulated.voltage, simulated.voltage[-1]),
+        steps=(*steps, replace(last, stop=last.stop + 1)),
+    )
 
 
 def discharge_a(experiment: Experiment) -> float:

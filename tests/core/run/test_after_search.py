@@ -103,6 +103,17 @@ def test_an_interrupt_after_the_search_is_told_and_the_run_goes_on(
     assert after_search.NOT_ANALYSED not in read_run(tmp_path / "run").notes
 
 
+def test_an_analysis_that_was_made_is_kept_where_none_is_asked_for(run_toy: RunToy, tmp_path: Path) -> None:
+    settings: dict[str, Any] = {"scaffold": toy_scaffold("least-squares"), "simulations": 40}
+    made = run_toy(**settings, analysing=True).analysis
+    assert made is not None
+    again = run_toy(**settings, analysing=False).analysis
+    assert again is not None
+    assert again.as_json() == made.as_json()
+    written = json.loads((tmp_path / "run" / "result.json").read_text())["identifiability"]
+    assert PostFitAnalysis.from_json(written).as_json() == made.as_json()
+
+
 def test_the_time_of_a_run_that_is_taken_up_again_is_summed(run_toy: RunToy, tmp_path: Path) -> None:
     first = run_toy(simulations=10).wall_s
     second, third = run_toy(simulations=10).wall_s, run_toy(simulations=10).wall_s
