@@ -22,7 +22,13 @@ def answer(task: Task, trials: Sequence[Trial]) -> Trial:
     time. There the trial with the least product of misfit and score is reported.
     """
     best = likeliest(trials)
-    if task.given_drive or task.long or task.domain.metric != "paper":
+    if not weighs_score(task, best):
         return best
-    near = best.misfit <= CLEARLY_ABOVE * rms(noise_of_residuals(task))
-    return best if near else min(trials, key=lambda trial: (misfit_times_score(trial), trial.objective))
+    return min(trials, key=lambda trial: (misfit_times_score(trial), trial.objective))
+
+
+def weighs_score(task: Task, best: Trial) -> bool:
+    """Whether the `answer` is the least product of misfit and score: ``best``, the answer or the likeliest, tells."""
+    if task.given_drive or task.long or task.domain.metric != "paper":
+        return False
+    return best.misfit > CLEARLY_ABOVE * rms(noise_of_residuals(task))

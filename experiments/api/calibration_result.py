@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.errors import BsaError, did_you_mean
 from ...core.files import load_json
-from ...core.metrics import errors_of, headline_of
+from ...core.metrics import Quantity, errors_of, headline_of
 from ...core.printable import counted
 from ..report.page import FILE_NAME as REPORT
+from ..report.search_misfit import SEARCH_MISFIT, search_misfits
 from ..report.wording import number, quantity
 from ..run_record import RunRecord, read_run
 from .measured import READING, Data, records_of
@@ -74,13 +75,18 @@ class CalibrationResult:
     @property
     def errors(self) -> dict[str, dict[str, float | None]]:
         """``"initial"`` and ``"best"`` error by name and unit, ``"Voltage RMSE [mV]"``."""
+        run = self._run
+        found = {one: (one.shown(run.initial_metrics), one.shown(run.best_metrics)) for one in errors_of(run.task)}
         return {
-            f"{quantity.label} [{quantity.unit}]": {
-                "initial": quantity.shown(self._run.initial_metrics),
-                "best": quantity.shown(self._run.best_metrics),
-            }
-            for quantity in errors_of(self._run.task)
+            f"{quantity.label} [{quantity.unit}]": {"initial": initial, "best": best}
+            for quantity, (initial, best) in (found | self._search_misfit).items()
         }
+
+    @property
+    def _search_misfit(self) -> dict[Quantity, tuple[float | None, float | None]]:
+        """What the search minimised; empty where it is among the errors."""
+        found = search_misfits(self._run.task, self._run.initial, self._run.best)
+        return {} if found is None else {SEARCH_MISFIT: found}
 
     @property
     def report(self) -> Path:
@@ -188,6 +194,7 @@ class CalibrationResult:
     def _repr_html_(self) -> str:
         run = self._run
         before, after, intervals = run.initial_metrics, run.best_metrics, self.intervals
+        errors = {one: (one.shown(before), one.shown(after)) for one in headline_of(run.task)} | self._search_misfit
         rows = []
         for parameter in run.task.space:
             name = parameter.name
@@ -197,7 +204,7 @@ class CalibrationResult:
         return render(
             "calibration.html.j2",
             title=f"{run.task.name}: {self.status} after {counted(len(run.trials), 'simulation')}",
-            errors=[(q.label, number(q.shown(before)), number(q.shown(after)), q.unit) for q in headline_of(run.task)],
+            errors=[(one.label, number(start), number(end), one.unit) for one, (start, end) in errors.items()],
             rows=rows,
             picture=picture_of(run),
             report=self.report,

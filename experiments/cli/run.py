@@ -332,6 +332,7 @@ def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterabl
     )
     from ..report.records import error_rows
     from ..report.reduced_potentials import reduced_line
+    from ..report.search_misfit import SEARCH_MISFIT, search_misfits
     from ..report.wording import losses, number
 
     failed = sum(trial.failed for trial in result.trials)
@@ -343,11 +344,12 @@ def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterabl
     more = f" and {result.low_fidelity_simulations} by the low-fidelity model" * bool(result.low_fidelity_simulations)
     spent = f"{counted(len(result.trials), 'simulation')} ({failed} failed){more}"
     print(f"{ended} after {spent}{lost}, {result.wall_s:.0f} s")
-    shown = headline_of(task)
-    width = max(len(quantity.words) for quantity in shown)
-    for quantity in shown:
-        before, after = (number(quantity.shown(metrics)) for metrics in (result.initial_metrics, result.best_metrics))
-        print(f"  {quantity.words:{width}s} {before:>10s} → {after} {quantity.unit}")
+    rows = [(one, one.shown(result.initial_metrics), one.shown(result.best_metrics)) for one in headline_of(task)]
+    misfits = search_misfits(task, result.trials[0], result.best)
+    rows += [] if misfits is None else [(SEARCH_MISFIT, *misfits)]
+    width = max(len(quantity.words) for quantity, *_ in rows)
+    for quantity, before, after in rows:
+        print(f"  {quantity.words:{width}s} {number(before):>10s} → {number(after)} {quantity.unit}")
     if objective_of(task) is MISFIT:
         print(f"  ({tolerance_line(task)})")
     better = best_score_line(task, result.best, result.lowest, result.lowest_metrics)

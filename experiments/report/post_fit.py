@@ -8,6 +8,7 @@ from ...core.inference.measure_next import Suggestion
 from ...core.inference.post_fit_analysis import PostFitAnalysis
 from ...core.metrics import Metrics, objective_of
 from ...core.printable import counted
+from ...core.run.answer import weighs_score
 from ...core.task import Task
 from ...core.trial import Trial
 from .wording import number, short_name, unit
@@ -29,9 +30,17 @@ def best_score_line(task: Task, best: Trial, lowest: Trial, metrics: Metrics | N
     if lowest is best or metrics is None:
         return ""
     objective = objective_of(task)
-    minimised = "means of the error over parts of each step" if task.given_drive else "errors within each step"
     theirs, lowest_misfit = (number(trial.misfit, 3) for trial in (best, lowest))
     start = " (the starting point)" * (best.phase == "initial")
+    if weighs_score(task, best):
+        return (
+            f"These are the values of simulation {best.index}{start}, which has the least product of misfit, {theirs} "
+            f"tolerances (rms), and {objective.words}: so far from the noise of the record each alone may be least "
+            f"where a step is cut short. Simulation {lowest.index} has the lowest {objective.words}, "
+            f"{number(objective.shown(metrics))} {objective.unit}, and a misfit of {lowest_misfit}. "
+            f"{tolerance_line(task)}"
+        )
+    minimised = "means of the error over parts of each step" if task.given_drive else "errors within each step"
     return (
         f"These are the values of simulation {best.index}{start}: the fit minimises the {minimised}, which are "
         f"{theirs} tolerances (rms) there and {lowest_misfit} in simulation {lowest.index}, which has the lowest "

@@ -24,6 +24,7 @@ from bsa.core.trial import Trial
 from bsa.experiments.report import page as report_page
 from bsa.experiments.report.page import build_report
 from bsa.experiments.report.rounds import chapters
+from bsa.experiments.report.search_misfit import search_misfits
 from bsa.experiments.report.thinning import thin_curve
 from bsa.experiments.report.wording import change, clipped, factor, number, quantity, unit
 from bsa.experiments.run_record import UNFINISHED, read_run
@@ -336,7 +337,18 @@ class TestPage:
         assert "No candidate was better" not in page.text
         told = "The starting point is reported. These are the values of simulation 0"
         assert told in page.text
-        assert page.text.count("simulation 1, which has the lowest total MAPE, 13.75 %") == 1
+        assert page.text.count("Simulation 1 has the lowest total MAPE, 13.75 %, and a misfit of 140") == 1
+
+    def test_the_misfit_of_the_search_stands_beside_the_errors(self, tmp_path):
+        task = make_task()
+        writer = Writer(tmp_path, task)
+        for index, (objective, misfit) in enumerate([(32.0, 27.0), (32.05, 26.9)]):
+            trial = make_trial(task, index, "search" if index else "initial", index, objective)
+            trial = replace(trial, residuals=np.full(9, misfit))
+            writer.journal.append("trial", **encode_trial(trial, tmp_path))
+        assert search_misfits(task, *read_run(tmp_path).trials) == pytest.approx((27.0, 26.9))
+        page, _ = page_of(tmp_path)
+        assert "RMS misfit in the search 27 26.9 tolerances" in " ".join(page.text.split())
 
     def test_every_record_is_named_above_and_over_its_figure(self, tmp_path):
         writer = Writer(tmp_path, make_task(name="cell", experiments=3))

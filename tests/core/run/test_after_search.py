@@ -69,7 +69,7 @@ def test_parameters_errors_and_intervals_are_of_one_trial(run_toy: RunToy, tmp_p
     assert run.best_metrics == result.best_metrics
     assert run.metrics_of(run.lowest) == result.lowest_metrics
     assert run.analysis is not None
-    assert f"simulation {run.lowest.index}, which has the lowest total MAPE" in render(run)
+    assert f"Simulation {run.lowest.index} has the lowest total MAPE" in render(run)
 
 
 def test_a_run_that_is_taken_up_again_scores_nothing_twice(run_toy: RunToy, tmp_path: Path) -> None:

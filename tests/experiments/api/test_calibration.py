@@ -64,6 +64,8 @@ def test_a_task_is_calibrated_and_its_result_told(toy, toy_folder) -> None:
     assert lower <= HIDDEN[CAPACITY] <= upper
     error = toy.errors["Voltage RMSE where both records exist [mV]"]
     assert error["best"] < error["initial"]
+    misfit = toy.errors["RMS misfit in the search [tolerances]"]
+    assert misfit["best"] < misfit["initial"]
     assert "toy" in repr(toy)
     assert len(repr(toy)) < 400
 

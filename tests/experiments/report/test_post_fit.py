@@ -116,12 +116,7 @@ def test_an_analysis_whose_draws_never_came_out_as_predicted_says_so_and_advises
 def test_a_run_says_by_what_its_values_were_chosen_over_those_with_the_lowest_error() -> None:
     """A record of one step of one signal: nothing is followed "more closely step by step" there."""
     task = one_record()
-
-    def trial(index: int, misfit: float, rmse_mv: float) -> Trial:
-        metrics = SignalMetrics(rmse_mv, {})
-        return Trial(index, "search", 1, {}, metrics, None, np.full(4, misfit), Feedback({}), (), 0.0)
-
-    best, lowest = trial(2, 20.26, 28.46), trial(27, 22.75, 25.58)
+    best, lowest = tried(2, 20.26, 28.46), tried(27, 22.75, 25.58)
     metrics = PaperMetrics(25.58, 0.1, 0.0, 0.0, 0.1, 0.0, 25.58, 0.0, 0.0)
     assert best_score_line(task, best, lowest, metrics) == (
         "These are the values of simulation 2: the fit minimises the means of the error over parts of each "
@@ -131,6 +126,19 @@ def test_a_run_says_by_what_its_values_were_chosen_over_those_with_the_lowest_er
     start = replace(best, phase="initial")
     assert "simulation 2 (the starting point): the fit" in best_score_line(task, start, lowest, metrics)
     assert best_score_line(task, best, best, metrics) == ""
+
+
+def test_where_misfit_and_score_chose_together_that_rule_is_told() -> None:
+    driven = one_record()
+    task = replace(driven, experiments=(replace(driven.experiments[0], protocol=(("Discharge at 1 A",),)),))
+    best, lowest = tried(4, 27.4, 30.0), tried(1, 140.0, 13.75)
+    said = best_score_line(task, best, lowest, PaperMetrics(13.75, 13.75, 0.0, 0.0, 13.75, 0.0, 1.0, 0.0, 0.0))
+    assert said.startswith(
+        "These are the values of simulation 4, which has the least product of misfit, 27.4 tolerances (rms), and total "
+        "MAPE: "
+    )
+    assert "Simulation 1 has the lowest total MAPE, 13.75 %, and a misfit of 140. One tolerance is" in said
+    assert "the fit minimises" not in said
 
 
 def test_more_simulations_are_advised_where_an_analysis_lacks_them() -> None:
@@ -158,6 +166,11 @@ def test_a_fit_that_ended_by_itself_is_not_advised_more_simulations() -> None:
     assert ended_by_itself("finished", "")
     assert not ended_by_itself("finished", 'Stage "joint" is skipped.')
     assert not ended_by_itself("simulations-spent", "")
+
+
+def tried(index: int, misfit: float, objective: float) -> Trial:
+    metrics = SignalMetrics(objective, {})
+    return Trial(index, "search", 1, {}, metrics, None, np.full(4, misfit), Feedback({}), (), 0.0)
 
 
 def one_record() -> Task:
