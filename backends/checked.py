@@ -1,13 +1,13 @@
 """Routes and backends whose answers are checked before anything is built on them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from ..core.contracts.border import Unfit, border
 from ..core.contracts.products import instance, reply
 from ..core.contracts.registry import Registry, installed
 from ..core.errors import BsaError
-from ..core.messages import Backend, GivesInOrder, JsonSchema, Message, Reply
+from ..core.messages import Backend, GivesInOrder, JsonSchema, Message, Reply, TellsMeanwhile
 from .route import NotReady, Route
 
 
@@ -31,6 +31,12 @@ class CheckedBackend:
         """See `Backend.complete`."""
         with border(self._who, "complete"):
             return reply(self._inner.complete(messages, schema, seed=seed))
+
+    def tell_meanwhile(self, say: Callable[[str], None]) -> None:
+        """See `TellsMeanwhile.tell_meanwhile`."""
+        if isinstance(self._inner, TellsMeanwhile):
+            with border(self._who, "tell_meanwhile"):
+                self._inner.tell_meanwhile(say)
 
     def pass_over(self) -> None:
         """See `GivesInOrder.pass_over`."""

@@ -62,12 +62,22 @@ class Persistence:
         Gets every further attempt.
     jitter : random.Random
         Spreads the waits, so that many runs do not come back at the same moment.
+    say : callable
+        Is told of every further attempt before its wait.
     """
 
-    def __init__(self, timeout_s: float, limit_s: float, notes: list[str], jitter: random.Random) -> None:
+    def __init__(
+        self,
+        timeout_s: float,
+        limit_s: float,
+        notes: list[str],
+        jitter: random.Random,
+        say: Callable[[str], None] = lambda text: None,
+    ) -> None:
         self._timeout_s, self._limit_s = timeout_s, limit_s
         self._notes = notes
         self._jitter = jitter
+        self._say = say
         self._started = time.monotonic()
         self._attempts = 0
 
@@ -95,7 +105,9 @@ class Persistence:
                     wait = min(_FIRST_WAIT_S * 2 ** (number - 1), _LONGEST_WAIT_S) * self._jitter.uniform(0.5, 1.0)
                 if number >= self._most(failure) or wait >= self._left_s:
                     raise self._failure(failure.reason, type(failure)) from None
-                self._notes.append(f"attempt {self._attempts}: {failure.reason}; tried again after {wait:.1f} s")
+                told = f"attempt {self._attempts}: {failure.reason}; tried again after {wait:.1f} s"
+                self._notes.append(told)
+                self._say(told)
                 time.sleep(wait)
         raise AssertionError("the last attempt returns or raises")
 

@@ -4,7 +4,7 @@ import itertools
 import random
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from ..core.contracts.reply_parsing import MAX_REPLY_CHARS
@@ -57,6 +57,11 @@ class ServedBackend(ABC):
         self.name = name
         self.options = options
         self._server = server
+        self._say: Callable[[str], None] = lambda text: None
+
+    def tell_meanwhile(self, say: Callable[[str], None]) -> None:
+        """See `bsa.core.messages.TellsMeanwhile.tell_meanwhile`."""
+        self._say = say
 
     @abstractmethod
     def ask(self, request: Request, notes: list[str]) -> Answer:
@@ -76,7 +81,7 @@ class ServedBackend(ABC):
             schema = shortened(schema, self.options.max_reply_tokens // _TOKENS_PER_CHAR)
         shown = showable(messages, self.sees_images, notes)
         timeout_s = self.options.server_timeout_s
-        persistence = Persistence(timeout_s, self.options.retry_limit_s, notes, random.Random(seed))
+        persistence = Persistence(timeout_s, self.options.retry_limit_s, notes, random.Random(seed), self._tell)
 
         def in_form(form: StructuredBy) -> Answer:
             prompt = with_schema_in_prompt(shown, schema, form)
@@ -117,6 +122,9 @@ class ServedBackend(ABC):
                 raise type(failure)(redact(f"{self.name}: {failure}")) from None
         usage = replace(sum(refused, answer.usage), seconds=time.monotonic() - started)
         return self._reply(replace(answer, usage=usage), form, schema, notes)
+
+    def _tell(self, text: str) -> None:
+        self._say(redact(f"{self.name}: {text}"))
 
     def _reply(self, answer: Answer, form: StructuredBy, schema: JsonSchema, notes: list[str]) -> Reply:
         # Before it is cut: half a key is not recognised.

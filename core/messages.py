@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Protocol, runtime_checkable
@@ -73,6 +73,13 @@ class Usage:
     def price(self) -> str:
         """What was paid, in words: ``"$0.0123"``, or that it is not known."""
         return "price unknown" if self.cost_usd is None else f"${self.cost_usd:.4f}"
+
+    @property
+    def words(self) -> str:
+        """What was used and paid: ``"1234 tokens, $0.0123"``; without a price where it is nothing."""
+        if not self.tokens:
+            return "no tokens"
+        return f"{self.tokens} tokens" + f", {self.price}" * (self.cost_usd != 0)
 
     def __add__(self, other: Usage) -> Usage:
         return Usage(
@@ -172,6 +179,14 @@ class BudgetSpent(RunStopped):
 
 class Outage(RunStopped):
     """The model could not be had: calls were lost until there was no point in asking again."""
+
+
+@runtime_checkable
+class TellsMeanwhile(Protocol):
+    """A backend that can say what goes on within a call, as that an attempt failed and another one is made."""
+
+    def tell_meanwhile(self, say: Callable[[str], None]) -> None:
+        """Have ``say`` called with each such line, from the thread of the call."""
 
 
 @runtime_checkable

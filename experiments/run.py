@@ -99,7 +99,7 @@ def execute_run(
             read_run(folder)  # What does not read must be refused before more is written behind it.
         _open_chapter(journal, earlier, task, config, to_discover, rebudgeted)
         recorder = Recorder(journal, earlier, kept_allowance(journal, earlier, resources.allowance))
-        recorder.say = listener.noted
+        recorder.say, recorder.asked = listener.noted, listener.asked
         context = RunContext(task, config.seed, folder, recorder.around(backend), resources.workers, listener.cycled)
 
         def note(text: str) -> None:

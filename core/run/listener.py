@@ -16,6 +16,9 @@ class Listener:
     def proposed(self, proposal: Proposal, phase: Phase, number: int) -> None:
         """A proposal was made."""
 
+    def asked(self, usage: Usage) -> None:
+        """The language model is asked, and its answer waited for; ``usage`` is what it has cost so far."""
+
     def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
         """A simulation finished; ``best`` has the lowest objective so far."""
 

@@ -18,6 +18,7 @@ from ..messages import (
     Outage,
     PromptRefused,
     Reply,
+    TellsMeanwhile,
     Usage,
 )
 from ..redaction import redact
@@ -42,8 +43,9 @@ class Recorder:
 
     The journal keeps every prompt, reply, vote and review. Of the events of an interrupted run, oldest first, what was
     answered is given again before the model is asked; what was lost is asked again. Once the ``allowance`` of the whole
-    run is spent, the next call raises `BudgetSpent`. ``say`` is told of lost calls that are made again. ``usage`` is
-    what the replies cost, ``calls`` how often the model was called, ``lost`` how many of these gave no reply.
+    run is spent, the next call raises `BudgetSpent`. ``say`` is told of lost calls that are made again and of attempts
+    within a call; ``asked`` of each call, with what was used before. ``usage`` is what the replies cost, ``calls`` how
+    often the model was called, ``lost`` how many of these gave no reply.
     """
 
     def __init__(
@@ -56,6 +58,7 @@ class Recorder:
         self._journal = journal
         self._allowance = allowance
         self.say = say
+        self.asked: Callable[[Usage], None] = lambda usage: None
         self.usage = Usage()
         self.calls = self.lost = 0
         self._recorded: deque[Mapping[str, Any]] = deque()
@@ -157,6 +160,8 @@ class RecordingBackend(BackendAround):
     def __init__(self, inner: Backend, recorder: Recorder) -> None:
         super().__init__(inner)
         self._recorder = recorder
+        if isinstance(inner, TellsMeanwhile):
+            inner.tell_meanwhile(lambda text: recorder.say(text))
         self._answered = False
         self._refused = 0
 
@@ -173,6 +178,7 @@ class RecordingBackend(BackendAround):
         waits = iter(ASK_AGAIN_AFTER_S)
         while True:
             self._recorder.check_allowance()
+            self._recorder.asked(self._recorder.usage)
             started = time.perf_counter()
             try:
                 reply = self._inner.complete(messages, schema, seed=seed)

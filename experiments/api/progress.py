@@ -52,6 +52,10 @@ class CalibrationBar(Bar, Listener):
         """See `Listener.proposed`."""
         self._describe(f"{phase}, round {number}")
 
+    def asked(self, usage: Usage) -> None:
+        """See `Listener.asked`."""
+        self._bar.set_description_str("waiting for the language model")
+
     def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
         """See `Listener.tried`."""
         self._bar.update(trial.index + 1 - self._bar.n)

@@ -35,7 +35,8 @@ _SILENT_S = 15.0
 """Time without a line, s, after which a count of simulations or the cycle of a long one is told: shorter ones need no
 progress of their own."""
 
-_STARTING = "starting the simulator"
+_STARTING, _STARTED = "starting the simulator", "choosing what to simulate"
+_WAITING = "waiting for the language model"
 
 
 def cycle_words(stage: str, cycle: int, cycles: int) -> str:
@@ -81,6 +82,11 @@ class PlainProgress(Listener):
             self._say(f"{self._stage}: {one_line(words)}")
         self._words = words
 
+    def asked(self, usage: Usage) -> None:
+        """See `Listener.asked`."""
+        if self._silent:
+            self._say(f"  {_WAITING}")
+
     def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
         """See `Listener.tried`."""
         reduced = "" if trial.reduction is None else f" {trial.reduction.words}"
@@ -92,7 +98,7 @@ class PlainProgress(Listener):
             self._say(f"  simulation {trial.index}{reduced}: ran")
         elif trial.objective < self._best:
             self._best = trial.objective
-            cost = f", {usage.tokens} tokens, {usage.price}" if usage.tokens else ""
+            cost = f", {usage.words}" if usage.tokens else ""
             limits = "".join(f"; {one_line(limit, 120)}" for limit in trial.limits)
             self._say(f"  simulation {trial.index}: {trial.objective:.4g} {self._unit}{cost}{limits}")
 
@@ -181,9 +187,16 @@ class LiveProgress(Redrawn, Listener):
         self._state |= {"phase": f"{phase}, round {number}", "at": ""}
         self._state["hypothesis"] = proposal.lost or proposal.hypothesis or proposal.rationale
 
+    def asked(self, usage: Usage) -> None:
+        """See `Listener.asked`."""
+        self._usage = usage
+        self._state["at"] = _WAITING
+
     def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
         """See `Listener.tried`."""
         self._state |= {"count": trial.index + 1, "at": ""}
+        if self._state["phase"] == _STARTING:
+            self._state["phase"] = _STARTED
         self._state["failed"] += trial.failed
         if self._first is None and trial.ok:
             self._first = trial.objective
@@ -218,7 +231,7 @@ class LiveProgress(Redrawn, Listener):
             "error": f"{number(self._first)} → {number(self._best)} {self._unit}",
             "simulations": f"{self._state['count']} of {self._simulations}"
             + f" ({self._state['failed']} failed)" * bool(self._state["failed"]),
-            "model": f"{self._usage.tokens} tokens, {self._usage.price}",
+            "model": self._usage.words,
             "time": f"{time.monotonic() - self._started:.0f} s",
         }
         for name, value in rows.items():

@@ -344,6 +344,8 @@ def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterabl
     more = f" and {result.low_fidelity_simulations} by the low-fidelity model" * bool(result.low_fidelity_simulations)
     spent = f"{counted(len(result.trials), 'simulation')} ({failed} failed){more}"
     print(f"{ended} after {spent}{lost}, {result.wall_s:.0f} s")
+    if result.usage.tokens:
+        print(f"  language model: {counted(result.llm_calls, 'call')}, {result.usage.words}")
     rows = [(one, one.shown(result.initial_metrics), one.shown(result.best_metrics)) for one in headline_of(task)]
     misfits = search_misfits(task, result.trials[0], result.best)
     rows += [] if misfits is None else [(SEARCH_MISFIT, *misfits)]

@@ -55,6 +55,12 @@ def test_a_backend_of_a_stranger_answers() -> None:
 
 def test_a_price_may_be_unknown() -> None:
     assert asked(Reply("", Usage(cost_usd=None))).usage.price == "price unknown"
+    assert [Usage(*counts).words for counts in ((), (3, 4), (3, 4, 0, 0.25), (3, 4, 0, None))] == [
+        "no tokens",
+        "7 tokens",
+        "7 tokens, $0.2500",
+        "7 tokens, price unknown",
+    ]
     assert (Usage(cost_usd=0.5) + Usage(cost_usd=None)).cost_usd is None
 
 

@@ -6,6 +6,7 @@ import logging
 import random
 import time
 import traceback
+from types import SimpleNamespace
 
 import pytest
 from bsa.backends import retrying
@@ -13,6 +14,7 @@ from bsa.backends.opening import open_backend
 from bsa.core.contracts.reply_parsing import parse_object
 from bsa.core.errors import BsaError
 from bsa.core.messages import BackendFailure
+from bsa.core.run.recording import RecordingBackend
 
 SECRET = "sk-do-not-tell-0123456789"
 TIMEOUT_S = 0.4
@@ -156,3 +158,18 @@ def test_a_server_that_fails_and_names_the_form_is_believed(serve, chat_completi
         backend = open_backend("openai:served-model", {"base_url": f"{server.url}/v1"})
         assert backend.complete(messages, schema, seed=0).structured_by == "json"
     assert len(server.seen) == 3
+
+
+def test_a_further_attempt_is_told_before_its_wait(serve, chat_completion, proposal, messages, schema, monkeypatch):
+    monkeypatch.setenv("BSA_API_KEY", SECRET)
+    answers = iter([(429, {"retry-after": "0.05"}, json.dumps({"error": {"message": f"slow, {SECRET}"}}).encode())])
+    server = serve(lambda seen, handler: next(answers, (200, {}, chat_completion(json.dumps(proposal)))))
+    backend = open_backend("openai:served-model", {"base_url": f"{server.url}/v1"})
+    said = []
+    recorder = SimpleNamespace(say=said.append)
+    RecordingBackend(backend, recorder)
+    backend.complete(messages, schema, seed=0)
+    (line,) = said
+    assert line.startswith("openai:served-model: attempt 1: ")
+    assert line.endswith("; tried again after 0.1 s")
+    assert SECRET not in line

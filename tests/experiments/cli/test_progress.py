@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from bsa.backends.rules.backend import RulesBackend
+from bsa.core.messages import Usage
 from bsa.core.proposal import Proposal
 from bsa.core.run.journal import read_events
 from bsa.core.run.run_config import RunConfig
@@ -128,6 +129,44 @@ def test_the_panel_shows_the_cycle_until_something_else_begins() -> None:
     assert "cycle 7" not in shown()
     live.cycled(130, 400)
     assert "forecast: cycle 130 of 400" in shown()
+
+
+class Asked(PlainProgress):
+    def __init__(self) -> None:
+        super().__init__("%", io.StringIO())
+        self.usages: list[Usage] = []
+
+    def asked(self, usage: Usage) -> None:
+        self.usages.append(usage)
+
+
+def test_the_panel_says_that_it_waits_for_the_model_and_what_that_cost(tmp_path: Path) -> None:
+    listener = Asked()
+    run(tmp_path / "run", listener, "full")
+    assert len(listener.usages) == sum(event["event"] == "reply" for event in read_events(tmp_path / "run")) > 0
+    live = LiveProgress("title", "%", 60)
+
+    def shown() -> str:
+        console = Console(file=io.StringIO(), width=80)
+        console.print(live.drawn())
+        return console.file.getvalue()  # type: ignore[attr-defined]
+
+    assert "starting the simulator" in shown()
+    assert "no tokens" in shown()
+    live.asked(Usage(700, 50, 0, None))
+    assert "waiting for the language model" in shown()
+    assert "750 tokens, price unknown" in shown()
+    live.proposed(Proposal(candidates=(), hypothesis="x"), "search", 1)
+    assert "waiting" not in shown()
+
+
+def test_plain_lines_say_that_a_model_is_waited_for_where_nothing_else_is_for_long() -> None:
+    stream, now = io.StringIO(), [0.0]
+    plain = PlainProgress("%", stream, clock=lambda: now[0])
+    plain.asked(Usage())
+    now[0] = 20.0
+    plain.asked(Usage())
+    assert stream.getvalue() == "  waiting for the language model\n"
 
 
 def test_simulations_after_the_search_are_told_when_they_end_and_while_they_take_long() -> None:

@@ -183,6 +183,12 @@ def test_a_spent_allowance_holds_when_the_run_goes_on_and_the_command_gives_twic
     config = RunConfig(scaffold=toy_scaffold("full"), backend="rules", simulations=12, warm_up=2, rounds=6)
     folder = tmp_path / "run"
 
+    def ended() -> str:
+        _execute(RunRequest(toy_task(), config, tmp_path / "unlimited"), Resources(), False, False)
+        return capsys.readouterr().out
+
+    assert "\n  language model: 7 calls, 700 tokens, $0.0700\n" in ended()
+
     def stopped(*limits: float | None) -> str:
         with pytest.raises(typer.Exit):
             _execute(
