@@ -8,7 +8,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from ..core.contracts.reply_parsing import MAX_REPLY_CHARS
-from ..core.messages import BackendFailure, JsonSchema, Message, PromptRefused, Reply, StructuredBy, Usage
+from ..core.messages import (
+    BackendFailure,
+    JsonSchema,
+    Message,
+    PromptRefused,
+    PromptTooLong,
+    Reply,
+    StructuredBy,
+    Usage,
+)
 from ..core.redaction import redact
 from .deadline import within
 from .images import showable
@@ -115,7 +124,7 @@ class ServedBackend(ABC):
                 try:
                     shown = drop_memory(shown, notes)
                 except ContextTooSmallError:
-                    raise PromptRefused(f"{self.name}: the prompt is longer than the model's context") from None
+                    raise PromptTooLong(f"{self.name}: the prompt is longer than the model's context") from None
             except FormRefusedError as refusal:
                 raise PromptRefused(redact(f"{self.name} refuses the request: {refusal}")) from None
             except BackendFailure as failure:

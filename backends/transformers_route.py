@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import Any
 
-from ..core.messages import JsonSchema, Message, PromptRefused, Reply, StructuredBy, Usage
+from ..core.messages import JsonSchema, Message, PromptRefused, PromptTooLong, Reply, StructuredBy, Usage
 from .constrained_decoding import SchemaProcessor
 from .images import showable
 from .loaded_model import INSTALL_HINT, LoadedModel, load, release
@@ -106,7 +106,7 @@ class TransformersBackend:
             fitting = fit(messages, lambda tried: self._encode(tried).shape[1] + least <= context, notes)
         except ContextTooSmallError:
             length = self._encode(messages).shape[1]
-            raise PromptRefused(
+            raise PromptTooLong(
                 f"the prompt has {length} tokens, but {self._model} has a context of {context}"
             ) from None
         prompt = self._encode(fitting)

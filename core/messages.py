@@ -138,6 +138,10 @@ class PromptRefused(BackendFailure):
     """
 
 
+class PromptTooLong(PromptRefused):
+    """The prompt is longer than the model's context, also without all that may be left out of it."""
+
+
 class ReplyRefused(BackendFailure):
     """A person read the reply and refused it.
 

@@ -38,6 +38,7 @@ from .another_budget import (
     write_budget,
 )
 from .misfit_notes import misfit_notes
+from .reply_notes import reply_notes
 from .run_record import read_run
 
 RESULT = "result.json"
@@ -125,7 +126,8 @@ def execute_run(
             ).execute()
             if said := nothing_added(folder, earlier, config, result):
                 note(said)
-            for text in misfit_notes(task, result.best, to_discover) if to_discover else ():
+            about_the_misfit = misfit_notes(task, result.best, to_discover) if to_discover else ()
+            for text in (*reply_notes(result), *about_the_misfit):
                 note(text)
             write(result)
     if report:

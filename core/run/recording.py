@@ -17,6 +17,7 @@ from ..messages import (
     Message,
     Outage,
     PromptRefused,
+    PromptTooLong,
     Reply,
     TellsMeanwhile,
     Usage,
@@ -36,6 +37,12 @@ run holds neither memory nor a place at the server until then.
 
 MOST_REFUSED = 3
 """So many prompts refused in a row stop the run: the next one would be refused too."""
+
+_SHORTER = (
+    "The run goes on with --resume once the model has a longer context. A run of its own needs less of it with a "
+    "scaffold of shorter prompts (--scaffold digest) or fewer searched parameters (--search)."
+)
+"""What to do about prompts that are longer than the model's context: --resume alone sends the same again."""
 
 
 class Recorder:
@@ -212,7 +219,8 @@ class RecordingBackend(BackendAround):
             raise PromptRefused(reason) from None
         nobody = isinstance(failure, BackendUnreachable) and not self._answered
         if wait_s is None or nobody or isinstance(failure, PromptRefused):
-            raise Outage(f"the language model gave no reply: {reason}") from None
+            advice = _SHORTER if isinstance(failure, PromptTooLong) else ""
+            raise Outage(f"the language model gave no reply: {reason}", advice) from None
         self._recorder.say(f"no reply ({reason}); asked again in {wait_s:g} s")
         time.sleep(wait_s)
 

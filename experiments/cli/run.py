@@ -302,11 +302,14 @@ def _resume_command(folder: Path, identifiability: bool = True) -> str:
 
 def _how_to_go_on(result: RunResult, config: RunConfig, folder: Path, identifiability: bool) -> Iterator[str]:
     """How a search or an analysis goes on with twice its budget, and what finds out what was not looked for."""
+    from ..reply_notes import only_lost_rounds
     from ..report.post_fit import ended_by_itself, needs_more
 
     if result.status in STOPPED or result.cut_short:
         return
-    if result.status.endswith("-spent") or result.reason:
+    if only_lost_rounds(result):
+        pass  # A note says what may help.
+    elif result.status.endswith("-spent") or result.reason:
         by_rounds = result.status == "rounds-spent"
         more = f"--rounds {2 * config.rounds or 1}" if by_rounds else f"--simulations {2 * config.simulations}"
         yield f"To search on: {_resume_command(folder, identifiability)} {more}"

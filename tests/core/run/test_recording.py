@@ -15,6 +15,7 @@ from bsa.core.messages import (
     JsonSchema,
     Message,
     PromptRefused,
+    PromptTooLong,
     Reply,
     Usage,
 )
@@ -107,14 +108,14 @@ class Fussy:
 
     name, sees_images = "fussy", False
 
-    def __init__(self, refused: Callable[[int], bool]) -> None:
-        self._refused = refused
+    def __init__(self, refused: Callable[[int], bool], failure: type[PromptRefused] = PromptRefused) -> None:
+        self._refused, self._failure = refused, failure
         self.calls = 0
 
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
         self.calls += 1
         if self._refused(self.calls):
-            raise PromptRefused("too long")
+            raise self._failure("too long")
         return Reply("nothing of use")
 
     def close(self) -> None:
@@ -139,9 +140,18 @@ def test_a_model_that_refuses_every_prompt_is_no_result_either(run_toy: RunToy, 
     fussy = Fussy(lambda call: True)
     result = run_toy(tmp_path, scaffold=toy_scaffold(warm_up=None), backend=fussy)
     assert (result.status, fussy.calls) == ("outage", recording.MOST_REFUSED)
+    assert result.advice == ""
     again = Fussy(lambda call: True)
     assert run_toy(tmp_path, scaffold=toy_scaffold(warm_up=None), backend=again).status == "outage"
     assert again.calls == 1
+
+
+def test_where_prompts_are_too_long_the_advice_is_what_can_help(run_toy: RunToy, tmp_path: Path) -> None:
+    long = Fussy(lambda call: True, PromptTooLong)
+    result = run_toy(tmp_path, scaffold=toy_scaffold(warm_up=None), backend=long)
+    assert result.status == "outage"
+    assert "once the model has a longer context" in result.advice
+    assert "--scaffold digest" in result.advice
 
 
 @pytest.mark.slow

@@ -162,7 +162,10 @@ def test_the_command_that_looks_for_what_lacks_is_told_again_when_a_run_goes_on(
 
 def test_a_run_whose_analysis_lacks_simulations_says_the_command_though_its_search_had_ended(tmp_path) -> None:
     config = RunConfig(scaffold=toy_scaffold(), backend="rules", simulations=60)
-    settled = SimpleNamespace(status="finished", reason="", cut_short=False, analysis=analysis(0.3), trials=[1, 2])
+    heard = {"unusable_replies": 0, "llm_calls": 0, "lost_calls": 0}
+    settled = SimpleNamespace(
+        status="finished", reason="", cut_short=False, analysis=analysis(0.3), trials=[1, 2], **heard
+    )
     assert list(_how_to_go_on(settled, config, tmp_path / "run", True)) == []
     unsettled = SimpleNamespace(**{**vars(settled), "analysis": replace(analysis(0.3), unsettled=("a",))})
     # The search would use no more.
