@@ -114,12 +114,12 @@ def caution_line(analysis: PostFitAnalysis) -> str:
             f"After {analysis.simulations} simulations of the analysis, as many as it makes, draws of the parameters "
             f"did not come out as predicted; {allowed}"
         )
-    budget = f"The analysis may make as many simulations as the search, {analysis.budget}"
+    why = f"it makes {analysis.budget} at most, as many as the search may make"
     if analysis.simulations > analysis.budget:
-        budget += ", and makes some in any case"
+        why = f"more than the search may make, {analysis.budget}, it makes only where it cannot do without"
     return (
-        f"{budget}. It stopped after {analysis.simulations}, before its sample of the parameters had converged; "
-        f"{allowed} {_LONGER}"
+        f"The analysis stopped after {counted(analysis.simulations, 'simulation')} ({why}), before its sample of the "
+        f"parameters had converged; {allowed} {_LONGER}"
     )
 
 
@@ -146,8 +146,8 @@ def next_line(analysis: PostFitAnalysis, domain: Domain) -> str:
     if analysis.forgone:
         told = caution_line(analysis)
         return (
-            f"What to measure next was not looked for: it takes {counted(analysis.forgone, 'simulation')} more than "
-            f"the {analysis.budget} that the analysis may make." + f" {_LONGER}" * (_LONGER not in told)
+            f"What to measure next was not looked for: the analysis lacked {counted(analysis.forgone, 'simulation')} "
+            "for it." + f" {_LONGER}" * (_LONGER not in told)
         )
     if not analysis.measure_next:
         return ""

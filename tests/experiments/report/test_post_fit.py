@@ -101,8 +101,9 @@ def test_fitted_values_outside_their_intervals_are_named() -> None:
 
 def test_an_analysis_beyond_its_budget_says_that_some_simulations_are_made_in_any_case() -> None:
     ended = replace(judged({"a": "open"}), widened=44.0, simulations=22, budget=3)
-    assert "as the search, 3, and makes some in any case. It stopped after 22, before" in caution_line(ended)
-    assert "in any case" not in caution_line(replace(ended, budget=30))
+    beyond = "(more than the search may make, 3, it makes only where it cannot do without)"
+    assert f"stopped after 22 simulations {beyond}, before its sample" in caution_line(ended)
+    assert beyond not in caution_line(replace(ended, budget=30))
 
 
 def test_an_analysis_whose_draws_never_came_out_as_predicted_says_so_and_advises_no_more_of_them() -> None:
