@@ -165,8 +165,9 @@ def _recognised(path: Path, registry: Registry, notes: list[str]) -> str:
         entries = [listing.entry for listing in registry.listings("reader")]
         known = "; ".join(f"{entry.name} ({entry.summary.rstrip('.')})" for entry in entries)
         kind = "folder" if path.is_dir() else "file"
+        unasked = f" ({'; '.join(note.rstrip('.') for note in notes)})" if notes else ""
         raise BsaError(
-            f"no reader recognises the {kind} {shown(path.name)}.",
+            f"no reader recognises the {kind} {shown(path.name)}{unasked}.",
             f"readers: {known}. Name a text table .csv and say its columns with --column time=NAME.",
         )
     return matching[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -247,8 +248,9 @@ def print_outcome(plan: Plan[Any], rows: list[Row]) -> None:
             entries = ", ".join("–" if value is None else str(value) for value in values)
             print(f"  {one_line(method):32s} {entries}")
     where = plan.name if plan.folder == plan.store.grid(plan.name) else plan.folder
-    elsewhere = "" if plan.store.root == RESULTS else f" --store {plan.store.root}"
-    print(f"\n{plan.folder / 'cells.csv'}\nbsa report {where}{elsewhere} writes the page.")
+    elsewhere = [] if plan.store.root == RESULTS else ["--store", str(plan.store.root)]
+    page = shlex.join(["bsa", "report", str(where), *elsewhere])
+    print(f"\n{plan.folder / 'cells.csv'}\n{page} writes the page.")
 
 
 def finish(rows: list[Row]) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import typer
@@ -11,7 +13,8 @@ import yaml
 from bsa.core.encoding import encode_task
 from bsa.core.errors import BsaError
 from bsa.experiments.campaign import running
-from bsa.experiments.cli.campaign import finish
+from bsa.experiments.campaign.store import Store
+from bsa.experiments.cli.campaign import finish, print_outcome
 from bsa.experiments.cli.exit_codes import INTERRUPTED
 from bsa.experiments.cli.main import app
 from bsa_toy_cell import toy_task
@@ -50,6 +53,14 @@ def test_dry_run_runs_nothing(call):
     assert "18 simulations at most; about " in shown
     assert "with 2 workers" in shown
     assert not Path("results/cells").exists()
+
+
+def test_the_command_that_writes_the_page_can_be_pasted(tmp_path, capsys):
+    store = Store(tmp_path / "my results")
+    print_outcome(SimpleNamespace(name="a b", folder=store.grid("a b"), store=store), [])
+    (line,) = (line for line in capsys.readouterr().out.splitlines() if line.endswith(" writes the page."))
+    command = shlex.split(line.removesuffix(" writes the page."))
+    assert command == ["bsa", "report", "a b", "--store", str(tmp_path / "my results")]
 
 
 def test_the_words_of_a_server_do_not_steer_the_terminal(capsys):
