@@ -99,6 +99,11 @@ class RunRecord:
         """The task's starting point."""
         return self.trials[0]
 
+    @property
+    def simulator(self) -> str:
+        """The name of what simulated."""
+        return str(self.config["scaffold"].get("simulator", {}).get("use", "pybamm"))
+
     @cached_property
     def best(self) -> Trial:
         """The trial whose parameters and intervals are the run's answer; the initial one if all failed."""

@@ -112,7 +112,7 @@ class CalibrationResult:
     def _script(self) -> dict[str, Any]:
         from ...plugins.pybamm.export.calibrated_script import script
 
-        task, simulator = self._run.task, self._run.config["scaffold"]["simulator"]["use"]
+        task, simulator = self._run.task, self._run.simulator
         if simulator != "pybamm":
             raise BsaError(
                 f'task "{task.name}" is simulated by {simulator}, not by PyBaMM.',

@@ -282,7 +282,8 @@ def _execute(
     if as_json:
         print(json.dumps(summary(task, config, backend.name, result), indent=2))
     else:
-        _print_summary(task, result, folder, _how_to_go_on(result, config, folder, identifiability))
+        further = _how_to_go_on(result, config, folder, identifiability)
+        _print_summary(task, result, folder, config.scaffold.made_for(task.simulator).simulator.use, further)
     if result.status in STOPPED:
         why = one_line(result.reason or result.status, 400)
         larger = larger_allowance(folder, result.usage)
@@ -319,7 +320,7 @@ def _how_to_go_on(result: RunResult, config: RunConfig, folder: Path, identifiab
         yield f"What the record fixes was not looked for; to find out: {_resume_command(folder)}"
 
 
-def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterable[str] = ()) -> None:
+def _print_summary(task: Task, result: RunResult, folder: Path, simulator: str, further: Iterable[str] = ()) -> None:
     from ...core.comparison.signal_metrics import MISFIT
     from ...core.metrics import headline_of, objective_of
     from ..report.forecast_line import forecast_line
@@ -370,7 +371,7 @@ def _print_summary(task: Task, result: RunResult, folder: Path, further: Iterabl
         lines = [verdict, caution_line(result.analysis), groups_line(result.analysis)]
         lines.append(next_line(result.analysis, task.domain))
         print(*(f"  {line}" for line in lines if line), sep="\n")
-    if reduced := reduced_line(task, result.best.candidate):
+    if reduced := reduced_line(task, result.best.candidate, simulator):
         print(f"  {one_line(reduced, 1000)}")
     if left_out:
         print(f"  {one_line(left_out, 600)}")

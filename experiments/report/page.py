@@ -146,7 +146,7 @@ def _parameter_row(parameter: Parameter, run: RunRecord) -> dict[str, Any]:
 
 def _notes(run: RunRecord) -> Sequence[str]:
     """What the run and its backend had to say, each thing once."""
-    reduced = reduced_line(run.task, run.best.candidate)
+    reduced = reduced_line(run.task, run.best.candidate, run.simulator)
     notes = [clipped(note, _LONGEST_NOTE) for note in (*run.notes, *[reduced] * bool(reduced))]
     counts = Counter(note for exchange in run.exchanges if exchange.made_by == "model" for note in exchange.notes)
     notes += [clipped(f"{note} ({times} times)" if times > 1 else note, 600) for note, times in counts.items()]

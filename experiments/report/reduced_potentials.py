@@ -5,13 +5,18 @@ from ...core.target import OcpShape
 from ...core.task import Task
 from .wording import number
 
+PYBAMM = "pybamm"
+
 _SEEN_V = 1e-3
 """Less than a usual cycler shows is not told."""
 
 
-def reduced_line(task: Task, candidate: Candidate) -> str:
-    """Which corrections a simulation changes so that the potentials fall with stoichiometry; empty for none."""
-    if not any(isinstance(parameter.target, OcpShape) for parameter in task.space):
+def reduced_line(task: Task, candidate: Candidate, simulator: str) -> str:
+    """Which corrections a simulation changes so that the potentials fall with stoichiometry; empty for none.
+
+    Only PyBaMM's does: another ``simulator`` may have no such potentials.
+    """
+    if simulator != PYBAMM or not any(isinstance(parameter.target, OcpShape) for parameter in task.space):
         return ""
     from ...plugins.pybamm.cells.parameter_sets import as_simulated
 

@@ -17,11 +17,14 @@ def test_a_correction_that_would_make_a_potential_rise_is_told_with_what_is_simu
     space = ParameterSpace(tuple(Parameter(name, 0.0, -0.2, 0.2, target=target_named(name)) for name in NAMES))
     nothing = Trajectory(*[[0.0]] * 3)
     task = Task("t", CellModel("Chen2020", "SPM"), space, (Experiment("e", nothing, (("Rest for 1 s",),)),))
-    said = reduced_line(task, dict(zip(NAMES, heights, strict=True)))
+    candidate = dict(zip(NAMES, heights, strict=True))
+    said = reduced_line(task, candidate, "pybamm")
     assert bool(said) is bool(told)
+    # A simulator of another kind may have no such potentials.
+    assert reduced_line(task, candidate, "my-sim") == ""
     assert told in said
 
 
 def test_a_cell_without_such_corrections_has_nothing_to_tell() -> None:
     task = toy_task()
-    assert reduced_line(task, task.space.initial) == ""
+    assert reduced_line(task, task.space.initial, "pybamm") == ""
