@@ -26,6 +26,9 @@ from .tasks.records import holding_out
 RESULT, PAGE = "prediction.json", "prediction.html"
 
 
+_FITTED = "the run's report has its errors, and so have result.json and .record_errors of the result."
+
+
 @dataclass(frozen=True, eq=False)
 class ScoredRecords:
     """Records that a run did not fit, as its best candidate predicts them."""
@@ -79,7 +82,7 @@ def predict_records(
     if not run.best.ok:
         raise BsaError(f"no simulation of {folder} ran to its end.", "a run that fits nothing predicts nothing.")
     notes = tuple(note for note in run.task.notes if not _of_one(note, run.task.held_out))
-    task = holding_out(replace(run.task, held_out=(), notes=notes), requests)
+    task = holding_out(replace(run.task, held_out=(), notes=notes), requests, _FITTED)
     scaffold = Scaffold.model_validate(
         {"name": "predict", "simulator": run.config["scaffold"]["simulator"], "proposer": "default"}
     )

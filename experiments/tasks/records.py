@@ -227,14 +227,14 @@ def _divided(requests: Sequence[RecordRequest]) -> tuple[list[RecordRequest], li
     return fitted, forecast
 
 
-def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
+def holding_out(task: Task, requests: Sequence[RecordRequest], what_to_do: str = "give it as one of the two.") -> Task:
     """The task with records that it does not fit.
 
     Each starts at the state of charge that its request names, or where the fitted cell shows the record's first
     open-circuit voltage. Where whole lives were fitted, they are compared as such.
 
-    Raises `BsaError` if a file cannot be read, is fitted as well, or the task's simulator is not driven by a cell's
-    record.
+    Raises `BsaError` if a file cannot be read, is fitted as well (``what_to_do`` is then the hint), or the task's
+    simulator is not driven by a cell's record.
     """
     if not requests:
         return task
@@ -248,6 +248,10 @@ def holding_out(task: Task, requests: Sequence[RecordRequest]) -> Task:
     parts = [part for request in requests for part in request.parts()]
     requests, spectra = _over_time(_with_own_names(parts, (*task.experiments, *task.held_out)))
     loaded = [_as_asked(request) for request in requests]
+    fitted = {experiment.name for experiment in task.experiments}
+    for record in loaded:
+        if record.name in fitted:
+            raise BsaError(f'the record "{record.name}" is fitted, so that its errors are no prediction.', what_to_do)
     notes = [
         f"{request.whole_name or record.name} (held out): {note}"
         for request, record in zip(requests, loaded, strict=True)

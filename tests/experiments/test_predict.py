@@ -164,7 +164,7 @@ def test_what_cannot_be_predicted_is_refused_in_a_line(fitted, tmp_path) -> None
         fitted.predict(half, initial_soc=90)
     with pytest.raises(BsaError, match='no option "colunm"'):
         fitted.predict(half, colunm={"voltage": "U"})
-    with pytest.raises(BsaError, match="fitted and held out"):
+    with pytest.raises(BsaError, match=r"is fitted, so that .*\.record_errors of the result"):
         fitted.predict(bsa.read_record(measured(1.0, 20), name="DataFrame 1"))
 
 

@@ -153,9 +153,7 @@ def test_a_reader_that_cannot_be_asked_is_not_this_files(path: Path, fault: Any)
     found = registry(Reader(cycled()), fault)
     (note,) = read_record(path, registry=found).notes[:1]
     assert note.startswith("not asked whether it knows the file: reader zz-1 of zz-fault 0.1: ")
-    with pytest.raises(
-        BsaError, match=r"recognises the file strange\.zz \(not asked whether .*zz-fault 0\.1"
-    ):
+    with pytest.raises(BsaError, match=r"recognises the file strange\.zz \(not asked whether .*zz-fault 0\.1"):
         read_record(path, registry=registry(Reader(cycled(), matches=False), fault))
     if not isinstance(fault, Reader):
         with pytest.raises(BsaError, match=r"reader zz-1 of zz-fault 0\.1"):

@@ -77,7 +77,7 @@ def test_records_of_one_name_are_numbered_and_one_that_is_given_twice_is_refused
     assert [one.name for one in held.held_out] == ["r (3)"]
     with pytest.raises(BsaError, match="is given twice"):
         task_of(record(), record())
-    with pytest.raises(BsaError, match="is fitted and held out"):
+    with pytest.raises(BsaError, match='the record "r" is fitted, so that its errors are no prediction'):
         holding_out(task, [RecordRequest(record())])
 
 
