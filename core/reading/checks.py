@@ -12,7 +12,7 @@ from ..segmentation import segment
 from ..trajectory import Trajectory
 from .ambient import HOT_C, ambient_of, measured_ambient
 from .charge import charge_notes
-from .clock import with_clock
+from .clock import check_order, with_clock
 from .counters import with_switches_counted
 from .current_sign import with_sign
 from .gaps import with_gaps_noted
@@ -39,6 +39,7 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     samples = with_usable_temperature(without_missing(samples))
     _enough(samples)
     check_units(samples)
+    check_order(samples)
     samples = with_clock(carried_on(samples, options.join))
     samples = without_glitches(samples)
     check_range(samples)

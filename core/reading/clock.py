@@ -12,6 +12,10 @@ BACKWARD_SHARE = 0.02
 
 BACKWARD_ROWS = 5
 
+DISORDER_SHARE = 0.1
+"""A clock that falls in more than this share of the rows is that of rows in another order, and not of several tests:
+each would have fewer rows than a record of a cell."""
+
 RESTART_S = 60.0
 """A clock that runs back further than this (and ten usual intervals) has restarted, in s."""
 
@@ -34,6 +38,27 @@ def begins_anew(time: FloatArray) -> Mask:
     usual = usual_interval(time)
     stays = np.append(time[2:] < time[:-2], False)
     return np.asarray((time[1:] <= time[0] + usual) & (np.diff(time) < -BACKWARD_ROWS * usual) & stays)
+
+
+def check_order(samples: Samples) -> None:
+    """Refuse rows that are not in the order of time. Raises `BsaError`.
+
+    Of several tests, one behind the other, the clock falls once for each.
+    """
+    falls = np.diff(samples.time) < 0
+    if np.any(np.diff(samples.time) > 0) and np.count_nonzero(falls) > DISORDER_SHARE * len(samples):
+        raise _runs_back(samples, int(np.count_nonzero(falls)))
+
+
+def _runs_back(samples: Samples, count: int) -> BsaError:
+    k = int(np.flatnonzero(np.diff(samples.time) < 0)[0]) + 1
+    name = samples.column("time")
+    return BsaError(
+        f"{samples.source}: the time runs back in {count} of {len(samples)} rows, first in {samples.place(k)} "
+        f"({samples.time[k - 1]:g} s, then {samples.time[k]:g} s): they are not in the order of time.",
+        f"sort the rows by time (in pandas: .sort_values({name})), or say which column is the time with --column "
+        "time=NAME; of several tests whose rows alternate, choose one with --where COLUMN=VALUE.",
+    )
 
 
 def with_clock(samples: Samples) -> Samples:
@@ -61,12 +86,7 @@ def with_clock(samples: Samples) -> Samples:
             f"it holds several tests: {choice_of(samples.tests_by)}, or say --join where they follow each other.",
         )
     if np.count_nonzero(back) > max(BACKWARD_ROWS, BACKWARD_SHARE * len(samples)):
-        k = int(np.flatnonzero(np.diff(time) < 0)[0]) + 1
-        raise BsaError(
-            f"{samples.source}: the time runs back in {np.count_nonzero(back)} of {len(samples)} rows, first in "
-            f"{samples.place(k)} ({time[k - 1]:g} s, then {time[k]:g} s).",
-            "sort the rows by time, or say which column is the time with --column time=NAME.",
-        )
+        raise _runs_back(samples, int(np.count_nonzero(back)))
     if back.any():
         rows = np.flatnonzero(back)
         samples = samples.kept(

@@ -32,10 +32,12 @@ def without_missing(samples: Samples) -> Samples:
     signals: dict[Signal, FloatArray] = {"time": samples.time, "voltage": samples.voltage, "current": samples.current}
     for signal, values in signals.items():
         bad = ~np.isfinite(values)
-        if np.count_nonzero(bad) > max(MISSING_ROWS, MISSING_SHARE * len(samples)):
+        most = max(MISSING_ROWS, int(MISSING_SHARE * len(samples)))
+        if np.count_nonzero(bad) > most:
             raise BsaError(
                 f"{samples.source}: column {samples.column(signal)} has no number in {np.count_nonzero(bad)} of "
-                f"{len(samples)} rows, first in {samples.place(int(np.flatnonzero(bad)[0]))}.",
+                f"{len(samples)} rows, first in {samples.place(int(np.flatnonzero(bad)[0]))}; up to {most} are "
+                "left out.",
                 "fill or remove these rows (formulas in a workbook must be saved with their values).",
             )
         gone |= bad

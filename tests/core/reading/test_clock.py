@@ -26,6 +26,13 @@ def test_a_block_of_rows_that_runs_back_is_no_other_test(join):
     assert "sort the rows by time" in found.value.hint
 
 
+@pytest.mark.parametrize("join", [False, True])
+def test_rows_in_any_order_are_no_tests_one_behind_the_other(join: bool) -> None:
+    with pytest.raises(BsaError, match=r"the time runs back in \d+ of 400 rows, .* not in the order of time") as found:
+        to_record(samples(np.random.default_rng(1).permutation(400)), ReadOptions(join=join))
+    assert "sort the rows by time (in pandas: .sort_values(" in found.value.hint
+
+
 def test_a_restart_is_told_by_its_two_rows():
     rows = np.concatenate([np.arange(200), np.arange(100)])
     with pytest.raises(BsaError, match=r"restarts in row 201 \(1791 s, then 0 s\)") as found:

@@ -101,7 +101,10 @@ HOLE[5] = np.nan
         ({"temperature": TIME * 0 + 571.3}, "is it in K? Then say --unit temperature=K"),
         ({"ambient_k": 25.0}, "an ambient temperature of -248.1 degC (25 K) cannot be"),
         ({"current": -cycled().current}, "so it is not charge-positive. Hint: say --current-sign discharge-positive"),
-        ({"voltage": HOLED}, 'column "voltage" has no number in 20 of 60 rows, first in row 21'),
+        (
+            {"voltage": HOLED},
+            'column "voltage" has no number in 20 of 60 rows, first in row 21; up to 3 are left out',
+        ),
         ({"voltage": 1e3 * cycled().voltage}, "is it in mV? Then say --unit voltage=mV"),
         ({"voltage": cycled().voltage + 3.0}, "more than a single cell can have"),
         ({"current": 1e4 * cycled().current}, "is it in mA? Then say --unit current=mA"),
