@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import BaseModel, Field, NonNegativeInt, field_validator
 
 from ...core.errors import BsaError, unknown
+from ...core.printable import shown
 from ...core.scaffold import PluginChoice, Scaffold
 from ...core.validation import validated
 from ...core.yaml_text import YAML_SUFFIXES, read_yaml
@@ -155,13 +156,17 @@ def _put(content: dict[str, Any], key: str, value: Any) -> None:
     if first not in GridFile.model_fields:
         raise unknown(f'--set {key}: a grid has no key "{first}".', first, GridFile.model_fields, "keys: {}.")
     place: Any = content
-    for part, following in pairwise(path):
+    for depth, (part, following) in enumerate(pairwise(path), start=1):
         if isinstance(place, list):
             place = _item(place, part, key)
         else:
             place = place.setdefault(part, {} if not following.isdigit() else [])
         if not isinstance(place, (dict, list)):
-            raise BsaError(f'--set {key}: "{part}" holds a single value.', f"set {part} itself.")
+            whole = ".".join(path[:depth])
+            raise BsaError(
+                f"--set {shown(key)}: {shown(whole)} is {shown(repr(place))}, a single value without parts.",
+                f"replace it as a whole: --set {shown(whole)}=VALUE.",
+            )
     if isinstance(place, list):
         _item(place, path[-1], key)
         place[int(path[-1])] = value

@@ -40,7 +40,11 @@ Data = Annotated[
 ]
 Records = Annotated[str | list[str], Field(description="Path of a record, or several.")]
 Values = Annotated[
-    dict[str, float], Field(description="Values of searched parameters by name; the others keep their initial ones.")
+    dict[str, float],
+    Field(
+        description="Values of searched parameters by name; the others keep their initial ones. Left out, all do, and "
+        "`values` of the answer has their names."
+    ),
 ]
 Out = Annotated[str | None, Field(description="New folder for the run; by default one under runs/.")]
 Resume = Annotated[str | None, Field(description="Go on with the stopped run in this folder; its options are its own.")]
@@ -86,7 +90,7 @@ class Tools:
         self,
         context: Context,
         data: Data,
-        values: Values,
+        values: Values = {},  # noqa: B006  (read only)
         cell: Cell = Cell(),  # noqa: B008
         reading: Reading = Reading(),  # noqa: B008
     ) -> Json:
@@ -98,7 +102,7 @@ class Tools:
         self,
         context: Context,
         data: Data,
-        values: Values,
+        values: Values = {},  # noqa: B006  (read only)
         cell: Cell = Cell(),  # noqa: B008
         reading: Reading = Reading(),  # noqa: B008
     ) -> Json:

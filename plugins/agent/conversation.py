@@ -1,5 +1,6 @@
 """Asking a model for an object until it passes a check, a few times at most."""
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any, Generic, TypeVar
 from ...core.contracts.reply_parsing import parse_object
 from ...core.errors import BsaError
 from ...core.messages import UNUSABLE, Backend, BackendFailure, JsonSchema, Message, Reply, ReplyRefused
+from ...core.printable import counted
 from ...core.proposal import NO_REPLY
 
 T = TypeVar("T")
@@ -25,6 +27,12 @@ class Answer(Generic[T]):
     value: T | None  # What the check made of the reply; None if no reply passed.
     problems: tuple[str, ...]  # What was wrong with the replies that did not pass, in order.
     reply: Reply | None  # The last reply, if there was one.
+
+    @property
+    def complaint(self) -> str:
+        """What was wrong, each thing once with the number of attempts."""
+        counts = Counter(self.problems)
+        return "; ".join(f"{what} ({counted(n, 'attempt')})" if n > 1 else what for what, n in counts.items())
 
 
 def ask(

@@ -169,7 +169,7 @@ def _proposal(answer: Answer[Action], free: list[str], situation: Situation) -> 
         details["free_actions"] = free
     action = answer.value
     if action is None:
-        return Proposal((), lost="; ".join(answer.problems) or "no usable reply", details=details)
+        return Proposal((), lost=answer.complaint or "no usable reply", details=details)
     details |= {
         CHANGED_FROM: situation.base.index,
         "analysis": action.analysis,

@@ -55,5 +55,5 @@ def unknown_parameter(name: Any, space: ParameterSpace) -> BsaError:
     """The error of a name that is not searched."""
     return BsaError(
         f'"{strip_control(str(name))[:80]}" is not a searched parameter.',
-        did_you_mean(str(name), space.names) or f"the searched parameters are {list(space.names)}.",
+        did_you_mean(str(name), space.names) or "searched are " + ", ".join(f'"{one}"' for one in space.names) + ".",
     )

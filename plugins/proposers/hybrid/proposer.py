@@ -293,7 +293,7 @@ class HybridProposer:
             action=action.kind if action is not None else main_action(main_fit),
             updates=(action.updates or {}) if action is not None else {},
             details=details,
-            lost="; ".join(answer.problems) if answer is not None and action is None and not main else "",
+            lost=answer.complaint if answer is not None and action is None and not main else "",
             finished=not main and not own,
             advancing=bool(main),
             reductions=reductions if any(reductions) else (),

@@ -45,7 +45,13 @@ def test_set_replaces_any_key(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("key", "words"), [("round", "rounds"), ("tasks.9", "place in a list"), ("rounds.x", "single value")]
+    ("key", "words"),
+    [
+        ("round", "rounds"),
+        ("tasks.9", "place in a list"),
+        ("rounds.x", "rounds is 2, a single value without parts. Hint: replace it as a whole: --set rounds=VALUE"),
+        ("tasks.0.cases", r"tasks\.0 is '[^']+', a single value without parts. Hint: .* --set tasks\.0=VALUE"),
+    ],
 )
 def test_set_refuses_what_is_not_there(tmp_path, key, words):
     with pytest.raises(BsaError, match=words):

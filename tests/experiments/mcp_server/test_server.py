@@ -76,8 +76,8 @@ def test_tools_are_described_and_mistakes_are_told_with_a_hint(use: Use, tmp_pat
         assert 'did you mean "parameters"?' in await refused(
             client, "simulate", data="cell.csv", values={}, cell={"paramters": "Chen2020"}
         )
-        said = await refused(client, "simulate", data="cell.csv")
-        assert said == 'simulate: "values" is missing. Hint: add it.'
+        assert "values" not in tools["simulate"].input_schema["required"]
+        assert await refused(client, "simulate") == 'simulate: "data" is missing. Hint: add it.'
         said = await refused(client, "read_record", pat="cell.csv")
         assert said == """read_record: 'pat' is not an argument. Hint: did you mean "path"?"""
         said = await refused(client, "calibrate", dat="cell.csv")
@@ -135,7 +135,7 @@ def test_an_assistant_tries_values_and_calibrates(use: Use, tmp_path: Path) -> N
         assert tried["failure"] is None
         assert tried["errors"]
         assert len(tried["curves"][0]["displacement"]) <= 200
-        learnt = await called(client, "sensitivities", data="oscillator", values={})
+        learnt = await called(client, "sensitivities", data="oscillator")
         assert set(learnt["changes"]) == {"Mass [kg]", "Stiffness [N.m-1]", "Damping [N.s.m-1]"}
         assert any(abs(change) > 0 for change in learnt["changes"]["Mass [kg]"].values())
         arguments = {"data": "oscillator", "simulations": 30, "scaffold": "least-squares"}
