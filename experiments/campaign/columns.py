@@ -54,6 +54,7 @@ class Column:
     words: str  # What it holds, for the documentation.
     value: Callable[[Facts], Any]  # From what is known of a cell to the value.
     page: str = ""  # Its head on the page; empty for a column that is not shown there.
+    page_scale: float = 1.0  # What the page multiplies its values by.
     error: str = ""  # What tables call it, where it is an error of a fit.
     effort: str = ""  # What the table of effort calls its mean; empty for a column that is not in it.
 
@@ -62,8 +63,8 @@ def _axis(name: str, words: str, page: str = "", kind: type[str] | type[int] = s
     return Column(name, kind, words, lambda facts: kind(facts.entry[name]), page)
 
 
-def _metric(name: str, words: str, page: str = "", error: str = "") -> Column:
-    return Column(name, float, words, lambda facts: facts.best_number(name), page, error)
+def _metric(name: str, words: str, page: str = "", error: str = "", scale: float = 1.0) -> Column:
+    return Column(name, float, words, lambda facts: facts.best_number(name), page, scale, error)
 
 
 def _initial(name: str, page: str = "") -> Column:
@@ -114,7 +115,9 @@ COLUMNS = (
     _metric("rmse", "sum of the RMS errors of charge (A h), current (A) and voltage (V)", "RMSE", "total RMSE"),
     _metric("v_rmse_mv", "RMS error of the voltage where both records exist, mV", "V RMSE / mV", "voltage RMSE, mV"),
     _metric("step_duration_error", "mean of abs(ln(simulated / measured duration)) over the steps"),
-    _metric("capacity_error", "relative error of the discharged capacity, as a fraction", "Capacity error"),
+    _metric(
+        "capacity_error", "relative error of the discharged capacity, as a fraction", "Capacity error / %", scale=100.0
+    ),
     _metric("fade_error", "of a life: mean capacity error over all cycles, % of the first cycle's capacity"),
     _metric("resistance_error", "of a life: mean resistance error over the cycles whose resistance was measured, %"),
     _initial("objective"),

@@ -14,7 +14,12 @@ from .store import Store
 from .summary import Row, grouped
 from .trace import read_trace
 
-LABELS = {"mape": "total MAPE / %", "objective": "objective", "rmse": "total RMSE", "v_rmse_mv": "voltage RMSE / mV"}
+LABELS = {
+    "mape": "total MAPE / %",
+    "objective": "RMS misfit / tolerances",
+    "rmse": "total RMSE",
+    "v_rmse_mv": "voltage RMSE / mV",
+}
 _MOST_DOTS = 400
 _COLOURS = (
     "#0b5cad",
@@ -92,9 +97,18 @@ def convergence(rows: Sequence[Row], store: Store) -> str:
         panel.set_yscale("log")
         panel.set_xlabel("simulations")
         panel.set_title(mode, fontsize=10)
-    panels[0].set_ylabel("best objective so far (search mesh)")
+    panels[0].set_ylabel(f"{_of_objective(rows)}, best so far")
     panels[-1].legend(fontsize=8, frameon=False)
     return _svg(figure, "convergence")
+
+
+def _of_objective(rows: Sequence[Row]) -> str:
+    """What the runs minimised, with its unit, where it is the same error in all."""
+    for name in ("mape", "v_rmse_mv"):
+        if all(row["objective"] == row[name] for row in rows):
+            return LABELS[name]
+    has_its_own = any(row["mape"] is not None or row["v_rmse_mv"] is not None for row in rows)
+    return "objective" if has_its_own else LABELS["objective"]
 
 
 def _quartiles(traces: Sequence[Sequence[float | None]]) -> tuple[FloatArray, FloatArray, FloatArray]:

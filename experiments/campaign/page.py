@@ -20,7 +20,7 @@ from ..report.page import build_report, check_page
 from ..report.templates import template
 from ..report.wording import quantity, short_name
 from ..run_record import Round, read_run
-from .columns import COLUMNS
+from .columns import COLUMNS, Column
 from .figures import draw_all
 from .store import Store
 from .summary import Row
@@ -38,7 +38,8 @@ _CAPTIONS = {
     "by-mode": "Errors by mode: a box from quartile to quartile with its median, a dot a cell.",
     "by-chemistry": "Errors by chemistry.",
     "by-rate": "Errors by rate, charge/discharge.",
-    "convergence": "Best error so far by simulations: median, with a band from quartile to quartile.",
+    "convergence": "Best error so far in the search, by simulations: median, with a band from quartile to quartile. "
+    "It may differ slightly from the final scores.",
     "effort": "Median error against effort, with quartiles; the dashed line joins what nothing beats in both.",
 }
 
@@ -92,8 +93,12 @@ def _shown(rows: Sequence[Row]) -> dict[str, Any]:
     shown = [*(column for column in COLUMNS if column.page), _IDENTITY]
     return {
         "columns": [{"name": c.name, "title": c.page, "numeric": c.kind is not str} for c in shown],
-        "rows": [[row[column.name] for column in shown] for row in rows],
+        "rows": [[_on_page(row[column.name], column) for column in shown] for row in rows],
     }
+
+
+def _on_page(value: Any, column: Column) -> Any:
+    return value if value is None or column.page_scale == 1.0 else column.page_scale * value
 
 
 def _runs(rows: Sequence[Row], store: Store, here: Path) -> dict[str, Any]:

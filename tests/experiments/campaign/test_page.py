@@ -12,6 +12,8 @@ from unittest.mock import Mock
 import pytest
 from bsa.core.run.journal import Journal
 from bsa.experiments.campaign import page
+from bsa.experiments.campaign.columns import COLUMNS
+from bsa.experiments.campaign.figures import _of_objective
 from bsa.experiments.campaign.page import build_page
 from bsa.experiments.campaign.running import run_campaign
 
@@ -53,6 +55,30 @@ def test_long_words_of_a_round_stand_on_one_line():
     assert "\n" not in words
 
 
+def test_an_error_that_is_a_fraction_is_shown_in_percent() -> None:
+    row = {column.name: None for column in COLUMNS} | {"capacity_error": 7.75e-4, "mape": 1.5}
+    shown = page._shown([row])
+    places = {column["name"]: place for place, column in enumerate(shown["columns"])}
+    assert shown["columns"][places["capacity_error"]]["title"] == "Capacity error / %"
+    (values,) = shown["rows"]
+    assert values[places["capacity_error"]] == pytest.approx(0.0775)
+    assert values[places["mape"]] == 1.5
+
+
+@pytest.mark.parametrize(
+    ("rows", "label"),
+    [
+        ([(1.5, 1.5, 20.0), (2.0, 2.0, 30.0)], "total MAPE / %"),
+        ([(20.0, None, 20.0)], "voltage RMSE / mV"),
+        ([(3.0, None, None)], "RMS misfit / tolerances"),
+        ([(1.5, 1.5, 20.0), (30.0, None, 30.0)], "objective"),
+    ],
+)
+def test_the_axis_of_convergence_says_what_was_minimised_with_its_unit(rows, label) -> None:
+    names = ("objective", "mape", "v_rmse_mv")
+    assert _of_objective([dict(zip(names, row, strict=True)) for row in rows]) == label
+
+
 @pytest.mark.slow
 def test_every_cell_and_its_rounds_are_on_the_page(finished):
     path = build_page("toys", finished.store.root)
@@ -66,6 +92,8 @@ def test_every_cell_and_its_rounds_are_on_the_page(finished):
     assert told["rounds"][1]["words"]
     assert told["parameters"][0][0] == "Capacity"
     assert "What &lt;b&gt;is&lt;/b&gt; it worth?" in html
+    assert "<span>5 cells</span>" in html
+    assert "<span>1 seed</span>" in html
 
 
 @pytest.mark.slow
