@@ -22,8 +22,13 @@ def bsa_backends() -> Iterable[Entry]:
     yield Entry("rules", RulesBackend, "A deterministic reasoner that reads the prompt; needs no model.", api=1)
     for name, preset in load_presets().items():
         yield Entry(name, partial(open_preset, preset), preset.summary, BackendOptions, api=1)
-    yield Entry("random-advice", RandomAdvice, "Answers at random, for measuring what bad advice costs.", api=1)
-    yield Entry("adversarial-advice", AdversarialAdvice, "Sends the search into corners, for the same purpose.", api=1)
+    yield Entry("random-advice", RandomAdvice, "Answers at random, to measure what bad advice costs.", api=1)
+    yield Entry(
+        "adversarial-advice",
+        AdversarialAdvice,
+        "Sends the search into corners, to measure what bad advice costs.",
+        api=1,
+    )
     yield Entry("replay", _replay, "replay:RUN, the replies of an earlier run, without a model.", BackendOptions, api=1)
     yield Entry(
         "manual",

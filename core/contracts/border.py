@@ -46,7 +46,9 @@ def border(who: str, hook: str) -> Iterator[None]:
     except Unfit as fault:
         raise BsaError(f"{who}: {hook} {fault}.", fault.hint) from fault
     except BaseException as error:
-        raise BsaError(f"{who}: {in_words(error)} in {hook}.", f"{_where(error)}; tell its authors.") from error
+        # What `sys.exit` says may be a bare number.
+        kind = "SystemExit: " * isinstance(error, SystemExit)
+        raise BsaError(f"{who}: {kind}{in_words(error)} in {hook}.", f"{_where(error)}; tell its authors.") from error
 
 
 def in_words(error: BaseException) -> str:

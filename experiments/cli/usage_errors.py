@@ -16,6 +16,7 @@ _UsageError = cast("type[Exception]", typer.BadParameter.__mro__[1])
 """What the library raises for a wrong command line. Releases differ in where it stands, and none exports it."""
 
 _NO_COMMAND = re.compile(r"No such command '(.*?)'")
+_NO_CHOICE, _QUOTED = re.compile(r" is not one of (.*)"), re.compile(r"'([^']*)'")
 _TOO_MANY = re.compile(r"unexpected extra arguments?(?:\(s\))? \((.*)\)")
 
 
@@ -92,5 +93,9 @@ def _of_parameter(error: Any, parameter: Any, path: str, help_page: str) -> BsaE
     hint = f"{taken}: {words}" if words else help_page
     if isinstance(error.__cause__, ValidationError):
         first = error.__cause__.errors(include_url=False)[0]
-        return BsaError(f'{name} is "{first["input"]}": {reason_of(first)}.', hint)
+        given, reason = str(first["input"]), reason_of(first).rstrip(".")
+        if found := _NO_CHOICE.search(reason):
+            message = f'{name} is "{given}", which is none of its values.'
+            return unknown(message, given, _QUOTED.findall(found.group(1)))
+        return BsaError(f'{name} is "{given}": {reason}.', hint)
     return BsaError(f"{name}: {error.message.rstrip('.')}.", hint)

@@ -79,7 +79,12 @@ def write_package(kind: str, name: str, folder: Path | None = None) -> list[Path
     known = next((one for one in KINDS if one == kind), None)
     if known is None:
         raise unknown(f"there is no kind {shown(repr(kind))} of plugin.", kind, KINDS)
-    if not _NAME.fullmatch(name) or keyword.iskeyword(name):
+    if keyword.iskeyword(name):
+        raise BsaError(
+            f"a plugin cannot be named {shown(repr(name))}, which is a keyword of Python.",
+            f"choose another name, or add a word to it: my-{name.lower()}.",
+        )
+    if not _NAME.fullmatch(name):
         raise BsaError(
             f"a plugin cannot be named {shown(repr(name))}.",
             "use words of lower-case letters and digits, joined by hyphens: my-plugin.",

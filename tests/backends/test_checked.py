@@ -78,7 +78,7 @@ def test_a_price_may_be_unknown() -> None:
         (Reply("", structured_by="magic"), "Reply.structured_by = 'magic'"),  # type: ignore[arg-type]
         (Reply("", notes="slept"), "Reply.notes = 'slept', not a tuple of texts"),  # type: ignore[arg-type]
         (RuntimeError("boom"), "boom in complete"),
-        (SystemExit(3), "3 in complete"),
+        (SystemExit(3), "zz-fault 0.1: SystemExit: 3 in complete"),
     ],
 )
 def test_a_backend_that_breaks_its_word_is_named(answer: Any, words: str) -> None:

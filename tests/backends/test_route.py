@@ -135,7 +135,7 @@ def test_a_built_in_name_stays_built_in(route: Callable[..., None], capsys: pyte
     [
         ("return 'busy'", "check returned 'busy' (str), not a NotReady"),
         ("return NotReady(None, '')", "check gave NotReady.detail = None, not a str"),
-        ("raise SystemExit(3)", "3 in check"),
+        ("raise SystemExit(3)", "SystemExit: 3 in check"),
         ("import no_such_library", "No module named 'no_such_library' in check"),
     ],
 )

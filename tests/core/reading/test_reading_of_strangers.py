@@ -128,7 +128,7 @@ def test_a_hole_is_left_out_with_a_note(path: Path) -> None:
         (None, "reader zz of zz-fault 0.1: read returned None, not a Samples"),
         ((TIME, TIME), "(tuple), not a Samples"),
         (RuntimeError("boom"), "reader zz of zz-fault 0.1: boom in read"),
-        (SystemExit(1), "reader zz of zz-fault 0.1: 1 in read"),
+        (SystemExit(1), "reader zz of zz-fault 0.1: SystemExit: 1 in read"),
     ],
 )
 def test_a_reader_that_breaks_its_word_is_named(path: Path, answer: Any, words: str) -> None:

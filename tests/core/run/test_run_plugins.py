@@ -350,7 +350,8 @@ class Remembering(PlainMemory):
 def test_whatever_a_plugin_raises_is_one_line_that_names_it(error: BaseException) -> None:
     with pytest.raises(BsaError) as raised:
         plugins(memory=Remembering(error)).remember(trial(), None)
-    assert raised.value.message == "memory zz-memory of zz-fault 0.1: boom in remember."
+    kind = "SystemExit: " * isinstance(error, SystemExit)
+    assert raised.value.message == f"memory zz-memory of zz-fault 0.1: {kind}boom in remember."
     assert type(error).__name__ in raised.value.hint
     assert "test_run_plugins.py, line" in raised.value.hint
 

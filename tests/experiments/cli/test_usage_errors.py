@@ -17,6 +17,8 @@ WRONG = [
     ("run --seed", "--seed has no value. Hint: write it behind the option."),
     ("run --join=3", "--join takes no value. Hint: write --join alone."),
     ("run a b", ' run takes no further argument, but got "b". Hint: '),
+    ("export x --to bxp", '--to is "bxp", which is none of its values. Hint: did you mean "bpx"?'),
+    ("export x --to csv", "Hint: choose one of bpx, parameter-values."),
     ("export", " export: RUN is missing. Hint: "),
 ]
 

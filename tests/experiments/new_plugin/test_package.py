@@ -108,7 +108,7 @@ def test_the_tests_of_every_package_pass(tmp_path: Path) -> None:
     [
         ("simulater", "mine", 'did you mean "simulator"?'),
         ("memory", "My Memory", "cannot be named 'My Memory'"),
-        ("effect", "class", "cannot be named 'class'"),
+        ("effect", "class", "cannot be named 'class', which is a keyword of Python"),
         ("reader", "../x", "cannot be named"),
         ("memory", "history", 'the name "history" is taken by battery-sim-agent'),
         ("task", "demo", 'the name "demo" is taken by battery-sim-agent'),
