@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ...core.discovery.discovery import Discovery
 from ...core.discovery.explanation import Estimate
 from ..report.base_parameters import base_parameters
+from ..report.discovery_lines import untried_line
 from ..report.page import FILE_NAME as REPORT
 from ..report.wording import number, quantity
 from .notebook import pictures_of, render
@@ -50,7 +51,7 @@ class DiscoveryResult:
     @property
     def notes(self) -> tuple[str, ...]:
         """What was assumed, repaired or settled."""
-        return tuple(self._found.notes)
+        return (*self._found.notes, *filter(None, [untried_line(self._found)]))
 
     @property
     def parameters(self) -> dict[str, float]:

@@ -14,6 +14,7 @@ from ...core.discovery.simulator import Prediction
 from ...core.trajectory import FloatArray
 from .base_parameters import base_parameters
 from .chart import Chart, Key, horizontal, padded, residual_limit
+from .discovery_lines import untried_line
 from .templates import template
 from .wording import time_unit
 
@@ -36,7 +37,14 @@ def render(discovery: RecordDiscovery, problem: Problem) -> str:
     with_effect = bool(discovery.findings.best.effects)
     page = template("record_discovery.html.j2")
     base = base_parameters(discovery, problem)
-    return page.render(d=content, layouts=LAYOUTS, figures=figures, with_effect=with_effect, base=base)
+    return page.render(
+        d=content,
+        layouts=LAYOUTS,
+        figures=figures,
+        with_effect=with_effect,
+        base=base,
+        untried=untried_line(discovery),
+    )
 
 
 def _fitted(discovery: RecordDiscovery, problem: Problem) -> list[_Figure]:

@@ -13,7 +13,16 @@ def found_lines(found: Discovery) -> list[str]:
     best = found.findings.best
     values = [_valued(effect.key, one) for effect in best.effects for one in best.estimates[effect.key]]
     errors = [_error(name, error["initial"], error["best"]) for name, error in found.errors.items()]
-    return [*(values if found.named else ()), *(line for line in errors if line)]
+    untried = untried_line(found)
+    return [*([untried] if untried else ()), *(values if found.named else ()), *(line for line in errors if line)]
+
+
+def untried_line(found: Discovery) -> str:
+    """That what was asked for was not evaluated, where noise explains what the base model leaves; else empty."""
+    tried = found.findings.nominations or found.findings.explanations
+    if tried or not found.restricted or found.verdict != "no-missing-effect":
+        return ""
+    return f"The {found.noun}s that were asked for were not evaluated: none was needed."
 
 
 def _valued(effect: str, estimate: Estimate) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 from ...core.discovery.life_discovery import LifeDiscovery
 from .base_parameters import base_parameters
 from .chart import Chart, Key, horizontal, padded
+from .discovery_lines import untried_line
 from .templates import template
 
 _STYLES = ("best", "initial", "limit")
@@ -18,7 +19,7 @@ def render(discovery: LifeDiscovery) -> str:
     """The page as HTML."""
     content, base = discovery.to_json(), base_parameters(discovery)
     page = template("life_discovery.html.j2")
-    return page.render(d=content, chart=_modes(content["modes"]), base=base)
+    return page.render(d=content, chart=_modes(content["modes"]), base=base, untried=untried_line(discovery))
 
 
 def _modes(modes: Sequence[Mapping[str, Any]]) -> Chart | None:

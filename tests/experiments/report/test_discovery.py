@@ -69,7 +69,7 @@ def page(**given: Any) -> str:
         "capacity_ah": 1.85,
     }
     content |= unset | numbers | {"headline": "", "reason": "", "temperature_rms_k": {}} | given.pop("d", {})
-    shown = {"d": content, "layouts": LAYOUTS, "figures": [], "with_effect": False, "base": []}
+    shown = {"d": content, "layouts": LAYOUTS, "figures": [], "with_effect": False, "base": [], "untried": ""}
     return template("record_discovery.html.j2").render(**shown | given)
 
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from bsa.core.discovery.adequacy import Adequacy
 from bsa.core.discovery.explanation import Estimate, Explanation
-from bsa.core.discovery.findings import Findings, Gap
+from bsa.core.discovery.findings import Findings, Gap, Nomination
 from bsa.core.discovery.record_discovery import RecordDiscovery
 from bsa.core.discovery.refit import Refit
 from bsa.core.effect import Effect, EffectParameter
 from bsa.core.parameters import ParameterSpace
-from bsa.experiments.report.discovery_lines import found_lines
+from bsa.experiments.report.discovery_lines import found_lines, untried_line
 
 RESISTANCE = Effect("contact-resistance", "", "", (EffectParameter("size", "Ohm", 0.0, 0.0, 1.0, 0.01),), "", "")
 
@@ -41,6 +41,16 @@ def test_what_was_found_has_its_value_its_interval_and_both_errors() -> None:
 def test_what_was_not_named_has_no_value_and_one_error_where_there_is_one() -> None:
     assert found_lines(discovery("unexplained"))[0].startswith("Voltage RMSE: 3.74 → 1")
     assert found_lines(discovery("no-missing-effect"))[0] == "Voltage RMSE: 3.74 mV"
+
+
+def test_effects_that_were_asked_for_and_not_needed_are_said_to_be_untried() -> None:
+    found = discovery("no-missing-effect")
+    assert untried_line(found) == ""
+    asked = replace(found, restricted=True)
+    assert found_lines(asked)[0] == "The effects that were asked for were not evaluated: none was needed."
+    lacking = Nomination(RESISTANCE, "it needs a thermal model")
+    tried = replace(asked, findings=replace(asked.findings, nominations=[lacking]))
+    assert untried_line(tried) == untried_line(replace(asked, findings=discovery("unexplained").findings)) == ""
 
 
 @pytest.mark.parametrize("held", [float("nan"), float("inf")])
