@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 from ...core.messages import Usage
@@ -27,17 +28,24 @@ class Bar:
     """
 
     def __init__(self, total: int | None, unit: str, visible: bool) -> None:
-        if visible:
+        self._total, self._unit_counted, self._visible = total, unit, visible
+
+    @cached_property
+    def _bar(self) -> Any:
+        """The bar, drawn when it is first told something: what is refused before needs none."""
+        if self._visible:
             from tqdm.auto import tqdm
         else:
             from tqdm.std import tqdm  # the widget would be made even if it is not shown
-        self._bar: Any = tqdm(total=total, unit=f" {unit}", disable=not visible, dynamic_ncols=True)
+        counted = f" {self._unit_counted}"
+        return tqdm(total=self._total, unit=counted, disable=not self._visible, dynamic_ncols=True)
 
     def __enter__(self) -> Any:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        self._bar.close()
+        if "_bar" in vars(self):
+            self._bar.close()
 
 
 class CalibrationBar(Bar, Listener):
@@ -46,7 +54,7 @@ class CalibrationBar(Bar, Listener):
     def __init__(self, task: Task, simulations: int, visible: bool) -> None:
         super().__init__(simulations, "simulations", visible)
         self._unit = objective_of(task).of_unit
-        self._stage = ""
+        self._describe("first simulation")
 
     def proposed(self, proposal: Proposal, phase: Phase, number: int) -> None:
         """See `Listener.proposed`."""
