@@ -13,8 +13,8 @@ BACKWARD_SHARE = 0.02
 BACKWARD_ROWS = 5
 
 DISORDER_SHARE = 0.1
-"""A clock that falls in more than this share of the rows is that of rows in another order, and not of several tests:
-each would have fewer rows than a record of a cell."""
+"""A clock that falls in more than this share of the rows, and not to its beginning, is that of rows in another order
+and not of several tests: each would have fewer rows than a record of a cell."""
 
 RESTART_S = 60.0
 """A clock that runs back further than this (and ten usual intervals) has restarted, in s."""
@@ -43,10 +43,12 @@ def begins_anew(time: FloatArray) -> Mask:
 def check_order(samples: Samples) -> None:
     """Refuse rows that are not in the order of time. Raises `BsaError`.
 
-    Of several tests, one behind the other, the clock falls once for each.
+    Of several tests, one behind the other, the clock falls once for each, and one that restarts with each step falls to
+    its beginning.
     """
-    falls = np.diff(samples.time) < 0
-    if np.any(np.diff(samples.time) > 0) and np.count_nonzero(falls) > DISORDER_SHARE * len(samples):
+    time = samples.time
+    falls = (np.diff(time) < 0) & (time[1:] > np.min(time) + usual_interval(time))
+    if np.any(np.diff(time) > 0) and np.count_nonzero(falls) > DISORDER_SHARE * len(samples):
         raise _runs_back(samples, int(np.count_nonzero(falls)))
 
 

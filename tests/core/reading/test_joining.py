@@ -163,6 +163,13 @@ def step_clock(sampled_s: float = 10.0) -> tuple[Samples, np.ndarray]:
     return Samples("a", time, voltage, i, extra={"date": MARCH + np.floor(at), "cycle": np.ones(len(time))}), at
 
 
+def test_a_clock_that_restarts_every_few_rows_is_in_order() -> None:
+    time, current = np.tile(np.arange(0.0, 80.0, 10.0), 40), np.repeat(np.tile([0.0, -2.0], 20), 8)
+    voltage = 3.9 + 0.02 * current - 1e-3 * np.arange(320)
+    record = to_record(Samples("a", time, voltage, current), ReadOptions(join=True))
+    assert record.trajectory.duration == pytest.approx(40 * 70.0 + 39 * 10.0)
+
+
 @pytest.mark.parametrize("sampled_s", [5.0, 10.0])
 def test_a_clock_that_restarts_with_short_steps_is_carried_on_by_its_dates(sampled_s):
     samples, at = step_clock(sampled_s)
