@@ -133,19 +133,16 @@ def outcome(product: object, experiments: Sequence[Experiment], signals: Sequenc
     return found
 
 
-_ALL = 0.999
-"""Share of a record's duration that a simulation without a failure lasts: how long the last sample does is open."""
-
-
 def _whole(run: ExperimentRun, experiment: Experiment) -> None:
     """Refuse a simulation under a measured drive that ends before its record and does not say why.
 
-    Its first samples alone would have the least error. Under a protocol the simulated cell decides how long it lasts.
+    Its first samples alone would have the least error. How long the last sample lasts is open, and under a protocol the
+    simulated cell decides how long all of it does.
     """
     record = experiment.target
     if experiment.protocol is not None or run.failure is not None or run.trajectory is None:
         return
-    if run.trajectory.duration < _ALL * record.duration:
+    if run.trajectory.duration < record.time[-2:][0] - record.time[0]:
         ours = f"{len(run.trajectory)} samples that end after {run.trajectory.duration:,.6g} s"
         theirs = f'the record "{shown(experiment.name)}" has {len(record)} in {record.duration:,.6g} s'
         raise Unfit(

@@ -20,7 +20,7 @@ from bsa.core.run.run_plugins import RunPlugins
 from bsa.core.scaffold import Scaffold
 from bsa.core.simulation import ExperimentRun, Outcome, SimulationFailure
 from bsa.core.task_reduction import TaskReduction
-from bsa.core.trajectory import Trajectory
+from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.core.trial import Trial
 from bsa_toy_cell import CAPACITY, record, toy_scaffold, toy_task
 
@@ -183,7 +183,7 @@ def driven(end: int, failure: SimulationFailure | None = None) -> RunPlugins:
     whole = GOOD.runs[0].trajectory
     assert whole is not None
     measured = replace(TASK.experiments[0], protocol=None, target=whole)
-    run = ExperimentRun(whole.slice(0, end), failure)
+    run = ExperimentRun(whole.picked(slice(0, end), (Step(StepKind.DRIVE, 0, end),)), failure)
     made = plugins(simulator=lambda self, candidates, exact: [(0, Outcome((run,)))])
     made._context = replace(made._context, task=replace(TASK, experiments=(measured,)))
     return made
@@ -201,6 +201,9 @@ def test_a_simulation_that_ends_before_its_record_says_why() -> None:
     assert "SimulationFailure" in raised.value.hint
     assert simulated(driven(2, SimulationFailure("gave up")), 1)
     assert simulated(driven(262), 1)
+    assert simulated(driven(261), 1)  # how long the last sample lasts is open
+    with pytest.raises(BsaError, match="yielded 260 samples"):
+        simulated(driven(260), 1)
 
 
 @pytest.mark.parametrize(
