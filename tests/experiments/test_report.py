@@ -326,13 +326,18 @@ class TestPage:
         assert "not finished" in page.text
         assert "nan" not in html.split("</style>")[1].lower().replace("running", "")
 
-    def test_a_reported_starting_point_is_not_called_the_best_by_score(self, tmp_path):
+    def run_of(self, folder, *trials):
+        """A run of trials with these objectives and misfits; its task."""
         task = make_task()
-        writer = Writer(tmp_path, task)
-        for index, (objective, misfit) in enumerate([(32.0, 27.0), (13.75, 140.0)]):
+        writer = Writer(folder, task)
+        for index, (objective, misfit) in enumerate(trials):
             trial = make_trial(task, index, "search" if index else "initial", index, objective)
             trial = replace(trial, residuals=np.full(9, misfit))
-            writer.journal.append("trial", **encode_trial(trial, tmp_path))
+            writer.journal.append("trial", **encode_trial(trial, folder))
+        return task
+
+    def test_a_reported_starting_point_is_not_called_the_best_by_score(self, tmp_path):
+        self.run_of(tmp_path, (32.0, 27.0), (13.75, 140.0))
         page, _ = page_of(tmp_path)
         assert "No candidate was better" not in page.text
         told = "The starting point is reported. These are the values of simulation 0"
@@ -340,12 +345,7 @@ class TestPage:
         assert page.text.count("Simulation 1 has the lowest total MAPE, 13.75 %, and a misfit of 140") == 1
 
     def test_the_misfit_of_the_search_stands_beside_the_errors(self, tmp_path):
-        task = make_task()
-        writer = Writer(tmp_path, task)
-        for index, (objective, misfit) in enumerate([(32.0, 27.0), (32.05, 26.9)]):
-            trial = make_trial(task, index, "search" if index else "initial", index, objective)
-            trial = replace(trial, residuals=np.full(9, misfit))
-            writer.journal.append("trial", **encode_trial(trial, tmp_path))
+        task = self.run_of(tmp_path, (32.0, 27.0), (32.05, 26.9))
         assert search_misfits(task, *read_run(tmp_path).trials) == pytest.approx((27.0, 26.9))
         page, _ = page_of(tmp_path)
         assert "RMS misfit in the search 27 26.9 tolerances" in " ".join(page.text.split())
