@@ -46,9 +46,9 @@ def check_order(samples: Samples) -> None:
     Of several tests, one behind the other, the clock falls once for each, and one that restarts with each step falls to
     its beginning.
     """
-    time = samples.time
-    falls = (np.diff(time) < 0) & (time[1:] > np.min(time) + usual_interval(time))
-    if np.any(np.diff(time) > 0) and np.count_nonzero(falls) > DISORDER_SHARE * len(samples):
+    time, falls = samples.time, np.diff(samples.time) < 0
+    inside = falls & (time[1:] > np.min(time) + usual_interval(time))
+    if np.any(np.diff(time) > 0) and np.count_nonzero(inside) > DISORDER_SHARE * len(samples):
         raise _runs_back(samples, int(np.count_nonzero(falls)))
 
 
