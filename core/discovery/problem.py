@@ -31,14 +31,17 @@ _BLOCK = 6
 _HELD_BUDGET = 9
 """Simulations for each parameter that acts on a hold-out record alone, in which these are found at most."""
 
-_SOC_LENGTH, _LARGEST_SOC, _ROOMY_SOC = 0.02, 1.08, 0.9
-"""Unit of that fit's steps, how far beyond full a cell may start, and where the fit starts if it cannot elsewhere."""
+_SOC_LENGTH, _LARGEST_SOC = 0.02, 1.08
+"""Unit of that fit's steps, and how far beyond full a cell may start."""
+
+_ROOMY_SOC = 0.9
+"""Where that fit starts if it cannot from the state of charge of another record."""
 
 _LARGEST_V = 0.02
 """A larger difference between two meshes, V, is no correction: it counts as uncertainty only."""
 
 UNSURE = 0.25
-"""Share of a correction that is uncertain: it was measured at one candidate."""
+"""Share of a correction that is uncertain: it was measured at one candidate, that of the mesh at one refinement."""
 
 _NEAR = 5
 """Averages in a row over which the largest difference between two meshes counts."""
@@ -46,9 +49,12 @@ _NEAR = 5
 _UNKNOWN_SOC = 0.5
 """Where the search for a hold-out record's initial state of charge starts when no fitted record has one."""
 
-_EVERY, _USUAL_TURN, _FAIR = 5, 2, 2.0
-"""Each fifth block is held out, which of five, and times its fair share of the voltage's changes that this may hold:
-with the knee at the end of a discharge in it, the test would be of little else."""
+_EVERY, _USUAL_TURN = 5, 2
+"""Each fifth block is held out, and which of five, unless too much of the curve's fall lies there."""
+
+_FAIR = 2.0
+"""Times its fair share of the voltage's changes that what is held out may hold: with the knee at the end of a discharge
+in it, the test would be of little else."""
 
 
 @dataclass(eq=False)

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.errors import BsaError, did_you_mean
 from ...core.files import load_json
-from ...core.metrics import Quantity, errors_of, headline_of
+from ...core.metrics import errors_of, headline_of
 from ...core.printable import counted
 from ..report.page import FILE_NAME as REPORT
-from ..report.search_misfit import SEARCH_MISFIT, search_misfits
+from ..report.search_misfit import search_misfits
 from ..report.wording import number, quantity
 from ..run_record import RunRecord, read_run
 from .measured import READING, Data, records_of
@@ -79,14 +79,8 @@ class CalibrationResult:
         found = {one: (one.shown(run.initial_metrics), one.shown(run.best_metrics)) for one in errors_of(run.task)}
         return {
             f"{quantity.label} [{quantity.unit}]": {"initial": initial, "best": best}
-            for quantity, (initial, best) in (found | self._search_misfit).items()
+            for quantity, (initial, best) in {**found, **search_misfits(run.task, run.initial, run.best)}.items()
         }
-
-    @property
-    def _search_misfit(self) -> dict[Quantity, tuple[float | None, float | None]]:
-        """What the search minimised; empty where it is among the errors."""
-        found = search_misfits(self._run.task, self._run.initial, self._run.best)
-        return {} if found is None else {SEARCH_MISFIT: found}
 
     @property
     def report(self) -> Path:
@@ -194,7 +188,8 @@ class CalibrationResult:
     def _repr_html_(self) -> str:
         run = self._run
         before, after, intervals = run.initial_metrics, run.best_metrics, self.intervals
-        errors = {one: (one.shown(before), one.shown(after)) for one in headline_of(run.task)} | self._search_misfit
+        errors = {one: (one.shown(before), one.shown(after)) for one in headline_of(run.task)}
+        errors |= search_misfits(run.task, run.initial, run.best)
         rows = []
         for parameter in run.task.space:
             name = parameter.name

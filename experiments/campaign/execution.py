@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from ...core.run.allowance import Allowance
+from ...core.run.allowance import UNLIMITED, Allowance
 from .cell import Cell, Order, Report
 from .store import Store
 
@@ -87,7 +87,7 @@ class _CampaignState:
 
 
 def run_cells(
-    cells: Sequence[Cell], store: Store, pool: Pool, watcher: Watcher, allowance: Allowance | None = None
+    cells: Sequence[Cell], store: Store, pool: Pool, watcher: Watcher, allowance: Allowance = UNLIMITED
 ) -> dict[str, Report]:
     """Run what is missing; two processes may do so side by side.
 
@@ -105,7 +105,7 @@ def run_cells(
             _end(state, watcher, cell, Report(identity, "done", result), found=True)
     last_worker_at = time.monotonic()
     while state.todo or state.running or state.elsewhere:
-        spent = allowance is not None and bool(allowance.spent(state.tokens, state.cost_usd))
+        spent = bool(allowance.spent(state.tokens, state.cost_usd))
         while state.todo and pool.free > 0 and not spent:
             cell = state.todo.popleft()
             state.running[cell.identity] = cell

@@ -9,7 +9,7 @@ from typing import Any, Generic, TypeVar
 from ...backends.opening import check_backend
 from ...core.contracts.registry import installed
 from ...core.errors import BsaError
-from ...core.run.allowance import Allowance
+from ...core.run.allowance import UNLIMITED, Allowance
 from .calibration import Calibration
 from .cell import Cell, Report
 from .execution import Pool, Watcher, run_cells
@@ -103,7 +103,7 @@ def run_campaign(
     plan: Plan[Cell],
     pool: Pool,
     watching: AbstractContextManager[Watcher],
-    allowance: Allowance | None = None,
+    allowance: Allowance = UNLIMITED,
 ) -> tuple[list[Row], list[str]]:
     """Run what is missing and write the tidy table, however the campaign ends.
 

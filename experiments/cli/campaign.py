@@ -97,9 +97,11 @@ class Executors:
         finish(rows)
 
     @property
-    def _allowance(self) -> Allowance | None:
-        """What may be spent; None for as much as it takes."""
-        return None
+    def _allowance(self) -> Allowance:
+        """What may be spent."""
+        from ...core.run.allowance import UNLIMITED
+
+        return UNLIMITED
 
     def _pool(self) -> Pool:
         if self.cluster is not None:

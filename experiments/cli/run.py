@@ -336,7 +336,7 @@ def _print_summary(task: Task, result: RunResult, folder: Path, simulator: str, 
     )
     from ..report.records import error_rows
     from ..report.reduced_potentials import reduced_line
-    from ..report.search_misfit import SEARCH_MISFIT, search_misfits
+    from ..report.search_misfit import search_misfits
     from ..report.wording import losses, number
 
     failed = sum(trial.failed for trial in result.trials)
@@ -351,8 +351,7 @@ def _print_summary(task: Task, result: RunResult, folder: Path, simulator: str, 
     if result.usage.tokens:
         print(f"  language model: {counted(result.llm_calls, 'call')}, {result.usage.words}")
     rows = [(one, one.shown(result.initial_metrics), one.shown(result.best_metrics)) for one in headline_of(task)]
-    misfits = search_misfits(task, result.trials[0], result.best)
-    rows += [] if misfits is None else [(SEARCH_MISFIT, *misfits)]
+    rows += [(one, *both) for one, both in search_misfits(task, result.trials[0], result.best).items()]
     width = max(len(quantity.words) for quantity, *_ in rows)
     for quantity, before, after in rows:
         print(f"  {quantity.words:{width}s} {number(before):>10s} → {number(after)} {quantity.unit}")

@@ -21,7 +21,7 @@ from .post_fit import best_score_line, tolerance_line
 from .records import error_rows
 from .reduced_potentials import reduced_line
 from .rounds import chapters
-from .search_misfit import SEARCH_MISFIT, search_misfits
+from .search_misfit import search_misfits
 from .templates import template
 from .wording import change, clipped, factor, losses, number, printed_unit, short_name
 
@@ -86,7 +86,10 @@ def render(run: RunRecord) -> str:
         gain=change(objective.shown(run.initial_metrics), objective.shown(run.best_metrics)),
         tolerance=tolerance_line(run.task) if objective is MISFIT else "",
         headline=[_figure(run, quantity) for quantity in headline_of(run.task)],
-        metrics=[*(_figure(run, quantity) for quantity in errors_of(run.task)), *_search_misfit(run)],
+        metrics=[
+            *(_figure(run, quantity) for quantity in errors_of(run.task)),
+            *(_row(quantity, *both) for quantity, both in search_misfits(run.task, run.initial, run.best).items()),
+        ],
         lives=lives(run),
         overlays=overlays(run),
         rows=error_rows(run.task, run.records, run.held_out),
@@ -107,12 +110,6 @@ def render(run: RunRecord) -> str:
 def _figure(run: RunRecord, quantity: Quantity) -> dict[str, str]:
     """A headline number before and after."""
     return _row(quantity, quantity.shown(run.initial_metrics), quantity.shown(run.best_metrics))
-
-
-def _search_misfit(run: RunRecord) -> list[dict[str, str]]:
-    """What the search minimised; nothing where it is among the errors."""
-    found = search_misfits(run.task, run.initial, run.best)
-    return [] if found is None else [_row(SEARCH_MISFIT, *found)]
 
 
 def _row(quantity: Quantity, before: float | None, after: float | None) -> dict[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from ...core.comparison.signal_metrics import MISFIT, Quantity
 from ...core.metrics import errors_of
@@ -12,9 +13,9 @@ from ...core.trial import Trial
 SEARCH_MISFIT = Quantity("misfit", "RMS misfit in the search", MISFIT.unit)
 
 
-def search_misfits(task: Task, initial: Trial, best: Trial) -> tuple[float | None, float | None] | None:
-    """The misfit of both, in tolerances; None for one that has none, and in all where it is among the task's errors."""
+def search_misfits(task: Task, initial: Trial, best: Trial) -> Mapping[Quantity, tuple[float | None, float | None]]:
+    """The misfit of both, in tolerances, None for one that has none; empty where it is among the task's errors."""
     if MISFIT in errors_of(task):
-        return None
+        return {}
     before, after = (trial.misfit if math.isfinite(trial.misfit) else None for trial in (initial, best))
-    return before, after
+    return {SEARCH_MISFIT: (before, after)}

@@ -24,7 +24,7 @@ from bsa.core.trial import Trial
 from bsa.experiments.report import page as report_page
 from bsa.experiments.report.page import build_report
 from bsa.experiments.report.rounds import chapters
-from bsa.experiments.report.search_misfit import search_misfits
+from bsa.experiments.report.search_misfit import SEARCH_MISFIT, search_misfits
 from bsa.experiments.report.thinning import thin_curve
 from bsa.experiments.report.wording import change, clipped, factor, number, quantity, unit
 from bsa.experiments.run_record import UNFINISHED, read_run
@@ -346,7 +346,7 @@ class TestPage:
 
     def test_the_misfit_of_the_search_stands_beside_the_errors(self, tmp_path):
         task = self.run_of(tmp_path, (32.0, 27.0), (32.05, 26.9))
-        assert search_misfits(task, *read_run(tmp_path).trials) == pytest.approx((27.0, 26.9))
+        assert search_misfits(task, *read_run(tmp_path).trials)[SEARCH_MISFIT] == pytest.approx((27.0, 26.9))
         page, _ = page_of(tmp_path)
         assert "RMS misfit in the search 27 26.9 tolerances" in " ".join(page.text.split())
 

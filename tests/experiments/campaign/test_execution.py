@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 from bsa.backends.rules.backend import RulesBackend
 from bsa.core.messages import BackendUnreachable, Reply, Usage
-from bsa.core.run.allowance import Allowance
+from bsa.core.run.allowance import UNLIMITED, Allowance
 from bsa.core.run.journal import FORMAT, LOCK, Journal
 from bsa.experiments.campaign import calibration
 from bsa.experiments.campaign.cell import Order, Report, carry_out
@@ -39,7 +39,7 @@ def numbers(rows):
     return [{name: row[name] for name in NUMBERS} for row in rows]
 
 
-def run_here(plan, pool=None, watcher=None, allowance=None):
+def run_here(plan, pool=None, watcher=None, allowance=UNLIMITED):
     return run_cells(plan.cells, plan.store, pool or Here(), watcher or Quiet(), allowance)
 
 
