@@ -7,6 +7,7 @@ journal. Proposers and memories so rebuild their state by being asked the same q
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, Literal
 
@@ -33,6 +34,7 @@ from ..trial import Phase, Trial, lowest, repeated_by
 from .after_search import AfterSearch, Score
 from .answer import answer
 from .budget import SimulationBudget
+from .interrupts import interrupts_wait
 from .journal import Journal, spent_s
 from .listener import SILENT, Listener
 from .low_fidelity import LowFidelitySimulations
@@ -263,13 +265,19 @@ class Run:
 
         def report(place: int, outcome: Outcome) -> None:
             trial = self._trial(first + place, phase, number, candidates[place], outcome, reductions[place])
-            self._journal.append("trial", **encode_trial(trial, self._folder))
-            done[place] = trial
+            with interrupts_wait():
+                self._journal.append("trial", **encode_trial(trial, self._folder))
+                done[place] = trial
 
-        for reduction in dict.fromkeys(reductions[place] for place in todo):
-            places = [place for place in todo if reductions[place] == reduction]
-            for position, outcome in self._outcomes([candidates[place] for place in places], reduction):
-                report(places[position], outcome)
+        try:
+            for reduction in dict.fromkeys(reductions[place] for place in todo):
+                places = [place for place in todo if reductions[place] == reduction]
+                for position, outcome in self._outcomes([candidates[place] for place in places], reduction):
+                    report(places[position], outcome)
+        except BaseException:
+            # A stopped run has a result and a report of each trial that is in its journal, up to the first gap.
+            self._trials += [done[place] for place in takewhile(done.__contains__, range(len(candidates)))]
+            raise
         for place in range(len(candidates)):
             self._trials.append(done[place])
             if place in todo:

@@ -1,4 +1,5 @@
 import json
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from unittest.mock import Mock
@@ -10,7 +11,7 @@ from bsa.core.errors import BsaError
 from bsa.core.hooks import hookimpl
 from bsa.core.messages import BackendFailure, BudgetSpent, JsonSchema, Message, Reply
 from bsa.core.proposal import Proposal
-from bsa.core.run.journal import FILE_NAME, read_events
+from bsa.core.run.journal import FILE_NAME, Journal, read_events
 from bsa.core.run.loop import RunResult
 from bsa.experiments.cli.progress import PlainProgress
 from bsa.experiments.cli.run import _print_summary
@@ -201,6 +202,25 @@ def test_an_interrupt_leaves_a_run_that_can_be_resumed(run_toy: RunToy, tmp_path
     assert stopped.status == "interrupted"
     assert (tmp_path / "stopped" / "result.json").exists()
     assert fingerprint(run_toy(tmp_path / "stopped")) == whole
+
+
+@pytest.mark.usefixtures("ctrl_c")
+@pytest.mark.parametrize("index", [0, 3])
+def test_an_interrupt_while_a_trial_is_written_leaves_it_in_result_and_report(
+    run_toy: RunToy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, index: int
+) -> None:
+    append = Journal.append
+
+    def interrupted(journal: Journal, event: str, **fields: object) -> None:
+        append(journal, event, **fields)
+        if event == "trial" and fields["index"] == index:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(Journal, "append", interrupted)
+    stopped = run_toy(tmp_path / "run")
+    assert stopped.status == "interrupted"
+    assert [trial.index for trial in stopped.trials] == list(range(index + 1))
+    assert (tmp_path / "run" / "report.html").exists()
 
 
 class Spending(RulesBackend):
