@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
-from ..core.discovery.drift import Drift, drifts
-from ..core.discovery.simulator import Answering, LifeRequest, LifeResiduals
+from ..core.contracts.requests import Answering, LifeRequest, LifeResiduals
+from ..core.inference.drift import Drift, drifts
 from ..core.parameters import Candidate, Parameter, ParameterSpace
 from ..core.target import CYCLABLE_LITHIUM, change_of, target_named
 from ..core.task import Task

@@ -6,21 +6,21 @@ from contextlib import ExitStack, closing, contextmanager
 
 import numpy as np
 
+from ..core.contracts.requests import Prediction, Simulator
 from ..core.discovery.closure import fit_closure
 from ..core.discovery.discovery import Discovery
 from ..core.discovery.explanation import Explanation
 from ..core.discovery.findings import Listener, Nomination
 from ..core.discovery.localisation import in_words, localise
 from ..core.discovery.next_experiment import propose
-from ..core.discovery.problem import Problem
 from ..core.discovery.ranking import Ranking, ask
 from ..core.discovery.record_discovery import RecordDiscovery
-from ..core.discovery.recorded import RecordedSimulator
-from ..core.discovery.simulator import Prediction, Simulator
 from ..core.files import write_text
+from ..core.inference.problem import Problem
 from ..core.messages import Backend, Outage
 from ..core.parameters import ParameterSpace
 from ..core.run.journal import OpenJournal, spent_s
+from ..core.run.recorded import RecordedSimulator
 from ..core.run.recording import Recorder
 from ..core.task import CellModel
 from ..plugins.pybamm.augmentation import effects_in

@@ -7,16 +7,16 @@ from dataclasses import replace
 from ..backends.opening import open_backend
 from ..core.ageing.changes import Changes
 from ..core.contracts.effect_choice import effects_of
+from ..core.contracts.requests import Answering, LifeRequest, LifeResiduals
 from ..core.discovery.findings import Listener, Nomination
 from ..core.discovery.life import LifeEngine, Simulate
 from ..core.discovery.life_discovery import LifeDiscovery
-from ..core.discovery.recorded import RecordedSimulator
-from ..core.discovery.simulator import Answering, LifeRequest, LifeResiduals
 from ..core.effect import Effect, Evidence
 from ..core.errors import BsaError
 from ..core.parameters import Candidate
 from ..core.printable import rounded
 from ..core.run.journal import OpenJournal
+from ..core.run.recorded import RecordedSimulator
 from ..core.task import Task
 from ..core.task_reduction import shortened
 from ..core.trajectory import FloatArray

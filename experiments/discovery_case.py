@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel, Field, model_validator
 from scipy.constants import zero_Celsius
 
-from ..core.discovery.observations import FLOOR_V
-from ..core.discovery.simulator import MeasuredRecord
+from ..core.contracts.requests import MeasuredRecord
 from ..core.errors import BsaError, unknown
 from ..core.files import write_text
+from ..core.inference.observations import FLOOR_V
 from ..core.record import Record
 from ..core.run.journal import FILE_NAME, check_run_folder
 from ..core.target import CyclableLithium, Factor, Value, factor_name, target_named

@@ -6,13 +6,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ..core.discovery.recorded import SIMULATION
 from ..core.errors import BsaError
 from ..core.files import file_digest, file_error
 from ..core.printable import shown
 from ..core.reading.part_of_file import file_and_part
 from ..core.run import journal
 from ..core.run.journal import FILE_NAME, FORMAT, Journal, OpenJournal, read_events
+from ..core.run.recorded import SIMULATION
 from ..core.shape import decoding, shaped
 from .discovery_case import DiscoverOptions
 from .run import go_on, versions

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 
 from ..core.contracts.effect_choice import effects_of
+from ..core.contracts.requests import Simulator
 from ..core.discovery.engine import Engine
 from ..core.discovery.evidence import gather
 from ..core.discovery.explanation import Explanation
 from ..core.discovery.findings import Listener, Nomination, Settings
 from ..core.discovery.localisation import in_words, localise
-from ..core.discovery.observations import Observations, observe
-from ..core.discovery.problem import Problem
-from ..core.discovery.reference import check_tests, without_known
-from ..core.discovery.simulator import Simulator
 from ..core.effect import Effect
+from ..core.inference.observations import Observations, observe
+from ..core.inference.problem import Problem
+from ..core.inference.reference import check_tests, without_known
 from ..core.parameters import ParameterSpace
 from ..core.rms import rms
 from ..core.run.journal import Event, OpenJournal

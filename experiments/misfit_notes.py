@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from ..core.comparison.slow_rests import GOES_ON_V, rises_beyond
-from ..core.discovery.observations import Observations
 from ..core.inference.identifiability import is_structured
+from ..core.inference.observations import Observations
 from ..core.task import Task
 from ..core.trajectory import FloatArray, StepKind
 from ..core.trial import Trial

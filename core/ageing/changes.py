@@ -36,7 +36,7 @@ class Changes:
     steps : ndarray of int, shape (m,)
         Which step of which cycle each is of.
     taken : ndarray of shape (n, common)
-        What the means that are taken off have removed from the noise of fitted residuals (`discovery.adequacy.judge`).
+        What the means that are taken off have removed from the noise of fitted residuals (`inference.adequacy.judge`).
     """
 
     def __init__(self, task: Task, fit_cycles: int, new: FloatArray | None = None) -> None:

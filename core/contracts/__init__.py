@@ -1,1 +1,1 @@
-"""What a plugin has to be and to give: how it is found, and what is checked of its answers."""
+"""What a plugin has to be and to give: how it is found, what it is asked, and what is checked of its answers."""

@@ -6,13 +6,13 @@ from functools import partial
 import numpy as np
 
 from ..errors import BsaError
+from ..inference.refit import Refit, slopes_at
 from ..target import InitialSoc
 from ..trajectory import FloatArray
 from .explanation import NEAR_V, Explanation
 from .first_cycles import first_cycle, near_cycles
 from .fitting import REFIT_BUDGET, Fitter
 from .judgement import errors_in_words
-from .refit import Refit, slopes_at
 from .rules import bic_difference
 
 _COARSE_V = 0.03

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..inference.observations import Observations
 from ..trajectory import FloatArray
-from .observations import Observations
 
 _CONSTANT = "1"
 

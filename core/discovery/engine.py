@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from ..effect import Effect, Evidence
+from ..inference.problem import Problem
 from ..parameters import ParameterSpace
 from ..printable import counted
 from .base_fit import calibrate, near_new, temper, without
@@ -16,7 +17,6 @@ from .explanation import Explanation
 from .findings import Findings, Gap, Listener, Nomination, Settings
 from .fitting import LAG, REFIT_BUDGET, Fitter
 from .nomination import most_simulations, nominate, nominate_second, screen
-from .problem import Problem
 from .progress import Progress
 from .rules import RULES, bic_difference, ranked
 from .score import overlap

@@ -7,11 +7,11 @@ import numpy as np
 
 from ..comparison.robust_loss import robust
 from ..effect import Effect
+from ..inference.adequacy import Adequacy
+from ..inference.refit import Refit
 from ..normal import NORMAL_95, robust_deviation
 from ..target import InitialSoc
 from ..trajectory import FloatArray
-from .adequacy import Adequacy
-from .refit import Refit
 
 TEMPERATURE_DEVIATION_K = 2.0
 """How well a lumped model's temperature can be expected to agree with a sensor on the can, K."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..effect import Effect
+from ..inference.refit import Refit
 from ..trajectory import FloatArray
 from .explanation import Explanation
-from .refit import Refit
 from .score import Score
 
 Listener = Callable[[str], None]

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..inference.observations import Observations, subset
+from ..inference.problem import Problem
 from ..trajectory import FloatArray
-from .observations import Observations, subset
-from .problem import Problem
 
 _NEW = 1
 """Cycles of a cell that counts as new. A strong SEI consumes a percent of the capacity in each."""

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effect import Effect
+from ..inference.problem import Problem
+from ..inference.refit import Refit, Residuals, refit
 from ..parameters import ParameterSpace
 from ..target import CurrentOffset, InitialSoc
 from ..trajectory import FloatArray
@@ -18,8 +20,6 @@ from .explanation import NEAR_V, Explanation
 from .findings import Listener
 from .first_cycles import longer
 from .judgement import against, errors_in_words, explain
-from .problem import Problem
-from .refit import Refit, Residuals, refit
 from .rules import RULES
 
 T = TypeVar("T")

@@ -4,16 +4,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..contracts.requests import Prediction
 from ..effect import Effect
+from ..inference.adequacy import judge
+from ..inference.observations import freedom_of_deviations
+from ..inference.problem import Problem
+from ..inference.refit import Refit
 from ..rms import rms
 from ..trajectory import FloatArray
-from .adequacy import judge
 from .explanation import Explanation, estimates_of, temperature_misfit
-from .observations import freedom_of_deviations
-from .problem import Problem
-from .refit import Refit
 from .rules import bic_difference
-from .simulator import Prediction
 
 
 def explain(problem: Problem, effects: tuple[Effect, ...], fit: Refit) -> Explanation:

@@ -12,15 +12,15 @@ import numpy as np
 
 from ..ageing.changes import Changes, of_cycles
 from ..effect import Effect
+from ..inference.adequacy import judge
+from ..inference.refit import Refit, refit
+from ..inference.side_by_side import side_by_side
 from ..parameters import Candidate, ParameterSpace
 from ..trajectory import FloatArray
-from .adequacy import judge
 from .explanation import Explanation, estimates_of
 from .findings import Findings, Gap, Listener, Nomination
 from .progress import Progress
-from .refit import Refit, refit
 from .rules import Rules, ranked
-from .side_by_side import side_by_side
 
 Simulate = Callable[[tuple[Effect, ...], Sequence[Candidate]], Sequence[FloatArray | None]]
 """The residuals of a life's task with some effects, for values of their parameters; None where it failed."""

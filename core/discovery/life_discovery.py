@@ -3,9 +3,9 @@
 from dataclasses import asdict, dataclass, field
 from typing import ClassVar
 
+from ..inference.drift import Drift
 from ..parameters import Candidate
 from .discovery import Discovery, Json
-from .drift import Drift
 from .explanation import Explanation
 from .findings import Nomination
 from .life import DEVIATION_V, LIFE_RULES

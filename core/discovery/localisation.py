@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import zero_Celsius
 
+from ..inference.observations import Observations
 from ..trajectory import SECONDS_PER_HOUR, FloatArray, StepKind
-from .observations import Observations
 
 _SINCE_EDGES_S = (2.0, 30.0, 300.0, 1200.0)
 _SINCE_NAMES = ("0-2 s", "2-30 s", "30 s-5 min", "5-20 min", "over 20 min")

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..contracts.requests import MeasuredRecord, Moments, Request, Simulator
 from ..rms import rms
 from ..trajectory import Step, StepKind, Trajectory
 from .explanation import Explanation
-from .simulator import MeasuredRecord, Moments, Request, Simulator
 
 Phase = tuple[float, float]
 """C-rate (positive on discharge) and seconds."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .adequacy import FALSE_ALARM
+from ..inference.adequacy import FALSE_ALARM
 from .explanation import CLEAR_K, TEMPERATURE_DEVIATION_K, Explanation, clearly_nearer, temperature_misfit
 from .findings import Findings, Gap
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..bounded_step import bounded_step
+from ..inference.refit import NO_PRIOR, Refit
 from ..trajectory import FloatArray
-from .refit import NO_PRIOR, Refit
 
 _REACH = 3.0
 """Standard deviations of the priors by which base parameters may move in a linear prediction."""

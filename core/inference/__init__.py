@@ -1,1 +1,1 @@
-"""What records say about parameters: least squares, intervals, predictions, what to measure next."""
+"""What records say about parameters: observations, the problem, least squares, intervals, what to measure next."""

@@ -1,1 +1,1 @@
-"""A calibration from its first simulation to its answer: the loop, its journal, its budget."""
+"""A calibration from its first simulation to its answer: the loop, the journal, the budget."""

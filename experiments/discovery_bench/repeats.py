@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...core.discovery.reference import check_tests, lacking, less
 from ...core.errors import BsaError
+from ...core.inference.reference import check_tests, lacking, less
 from ...core.rms import rms
 from ..campaign.text_tables import table_of
 from ..discovery_case import DiscoverOptions, read_case

@@ -7,12 +7,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from ...core.contracts.requests import Prediction, Simulator
 from ...core.discovery.findings import Findings
-from ...core.discovery.recorded import RecordedSimulator
 from ...core.discovery.rules import RULES, Rules
-from ...core.discovery.simulator import Prediction, Simulator
 from ...core.parameters import ParameterSpace
 from ...core.run.journal import FILE_NAME
+from ...core.run.recorded import RecordedSimulator
 from ...core.task import CellModel
 from ...plugins.pybamm.before_search.radial_mesh import RadialMesh
 from ..campaign.text_tables import markdown_table

@@ -9,9 +9,9 @@ import numpy as np
 import pybamm
 from scipy.constants import zero_Celsius
 
-from ...core.discovery.observations import observe
-from ...core.discovery.simulator import MeasuredRecord
+from ...core.contracts.requests import MeasuredRecord
 from ...core.files import write_json, write_text
+from ...core.inference.observations import observe
 from ...core.segmentation import segment
 from ...core.trajectory import FloatArray, Trajectory
 from .draws import Draw, draw

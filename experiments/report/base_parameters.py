@@ -8,7 +8,7 @@ import numpy as np
 
 from ...core.discovery.discovery import Discovery
 from ...core.discovery.explanation import Explanation
-from ...core.discovery.problem import Problem
+from ...core.inference.problem import Problem
 from ...core.normal import NORMAL_95
 from ...core.parameters import Parameter
 from ...core.trajectory import FloatArray

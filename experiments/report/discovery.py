@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...core.discovery.current_offset import current_offset
+from ...core.contracts.requests import Prediction
 from ...core.discovery.localisation import LAYOUTS
-from ...core.discovery.observations import Observations
-from ...core.discovery.problem import Problem
 from ...core.discovery.record_discovery import RecordDiscovery
-from ...core.discovery.simulator import Prediction
+from ...core.inference.current_offset import current_offset
+from ...core.inference.observations import Observations
+from ...core.inference.problem import Problem
 from ...core.trajectory import FloatArray
 from .base_parameters import base_parameters
 from .chart import Chart, Key, horizontal, padded, residual_limit

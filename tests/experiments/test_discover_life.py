@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from bsa.core.ageing.changes import Changes
 from bsa.core.comparison.residuals import residuals
-from bsa.core.discovery.simulator import LifeRequest, LifeResiduals
+from bsa.core.contracts.requests import LifeRequest, LifeResiduals
 from bsa.core.effect import Effect, EffectParameter
 from bsa.core.errors import BsaError
 from bsa.core.run.journal import read_events

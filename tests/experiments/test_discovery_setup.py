@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from bsa.core.discovery.problem import Problem
-from bsa.core.discovery.simulator import MeasuredRecord
+from bsa.core.contracts.requests import MeasuredRecord
+from bsa.core.inference.problem import Problem
 from bsa.core.run.journal import Journal, OpenJournal, read_events
 from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory

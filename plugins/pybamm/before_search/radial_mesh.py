@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ....core.discovery.observations import after_jumps
-from ....core.discovery.simulator import MeasuredRecord
+from ....core.contracts.requests import MeasuredRecord
+from ....core.inference.observations import after_jumps
 from ....core.rms import rms
 from ....core.task import CellModel
 from ....core.thinning import evenly

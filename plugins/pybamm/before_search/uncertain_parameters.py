@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 
-from ....core.discovery.current_offset import current_offset
-from ....core.discovery.simulator import MeasuredRecord
+from ....core.contracts.requests import MeasuredRecord
 from ....core.errors import BsaError, did_you_mean
+from ....core.inference.current_offset import current_offset
 from ....core.parameters import Parameter, ParameterSpace
 from ....core.target import CYCLABLE_LITHIUM, InitialSoc, target_named
 

@@ -4,9 +4,9 @@ import pprint
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ....core.discovery.observations import after_jumps
-from ....core.discovery.simulator import MeasuredRecord
+from ....core.contracts.requests import MeasuredRecord
 from ....core.effect import Effect
+from ....core.inference.observations import after_jumps
 from ....core.parameters import Candidate
 from ....core.printable import shown
 from ....core.target import CellChange, Target, change_of

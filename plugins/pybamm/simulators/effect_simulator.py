@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ....core.discovery.simulator import MeasuredRecord, Prediction, Request
+from ....core.contracts.requests import MeasuredRecord, Prediction, Request
 from ....core.effect import Effect
 from ....core.errors import BsaError
 from ....core.parameters import Candidate

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ....core.discovery.simulator import MeasuredRecord, Prediction, Request
+from ....core.contracts.requests import MeasuredRecord, Prediction, Request
 from ....core.target import Target
 from ....core.task import CellModel
 from ..modelling.resolution import Resolution

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from ....core.ageing.summary import in_sequence
 from ....core.comparison.residuals import residuals
-from ....core.discovery.simulator import LifeRequest, LifeResiduals
+from ....core.contracts.requests import LifeRequest, LifeResiduals
 from ....core.errors import BsaError
 from ....core.simulation import Outcome
 from ....core.target import target_named

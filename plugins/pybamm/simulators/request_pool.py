@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
-from ....core.discovery.simulator import AnyRequest
+from ....core.contracts.requests import AnyRequest
 from ....core.errors import BsaError
 from .processes import Pool, Report
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ....core.discovery.observations import after_jumps
+from ....core.inference.observations import after_jumps
 from ....core.parameters import Candidate
 from ....core.printable import counted, rounded
 from ....core.simulation import ExperimentRun, SimulationFailure

@@ -6,7 +6,7 @@ import discovery_toy as toy
 import numpy as np
 import pytest
 from bsa.core.discovery.closure import fit_closure
-from bsa.core.discovery.observations import Observations, observe
+from bsa.core.inference.observations import Observations, observe
 
 
 def observed(temperature_k: float | None) -> Observations:

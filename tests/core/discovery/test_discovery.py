@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from bsa.core.discovery.adequacy import Adequacy
 from bsa.core.discovery.explanation import Explanation
 from bsa.core.discovery.findings import Findings, Gap, Nomination
 from bsa.core.discovery.record_discovery import RecordDiscovery
-from bsa.core.discovery.refit import Refit
 from bsa.core.discovery.score import Score
 from bsa.core.effect import Effect, EffectParameter
+from bsa.core.inference.adequacy import Adequacy
+from bsa.core.inference.refit import Refit
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.target import InitialSoc
 

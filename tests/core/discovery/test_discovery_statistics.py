@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from bsa.core.discovery.adequacy import FALSE_ALARM, judge
-from bsa.core.discovery.observations import freedom_of_deviations, observe, voltage_noise
-from bsa.core.discovery.refit import Refit, refit, slopes_at
+from bsa.core.contracts.requests import MeasuredRecord
 from bsa.core.discovery.score import overlap, score_effect
-from bsa.core.discovery.simulator import MeasuredRecord
+from bsa.core.inference.adequacy import FALSE_ALARM, judge
+from bsa.core.inference.observations import freedom_of_deviations, observe, voltage_noise
+from bsa.core.inference.refit import Refit, refit, slopes_at
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from hypothesis import given, settings

@@ -3,6 +3,7 @@ from dataclasses import replace
 import discovery_toy as toy
 import numpy as np
 import pytest
+from bsa.core.contracts.requests import Prediction
 from bsa.core.discovery.base_fit import calibrate
 from bsa.core.discovery.engine import Engine
 from bsa.core.discovery.findings import Gap, Nomination, Settings
@@ -10,7 +11,6 @@ from bsa.core.discovery.fitting import Fitter
 from bsa.core.discovery.nomination import nominate, screen
 from bsa.core.discovery.rules import RULES, bic_difference
 from bsa.core.discovery.score import Score
-from bsa.core.discovery.simulator import Prediction
 
 CATALOGUE = (toy.QUADRATIC, toy.HYSTERESIS, toy.SLOW)
 

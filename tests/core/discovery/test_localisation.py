@@ -3,9 +3,9 @@ from dataclasses import replace
 import discovery_toy as toy
 import numpy as np
 import pytest
+from bsa.core.contracts.requests import MeasuredRecord
 from bsa.core.discovery.localisation import in_words, localise
-from bsa.core.discovery.observations import observe
-from bsa.core.discovery.simulator import MeasuredRecord
+from bsa.core.inference.observations import observe
 from bsa.core.trajectory import Step, StepKind, Trajectory
 
 

@@ -3,8 +3,8 @@
 from types import SimpleNamespace
 
 import numpy as np
+from bsa.core.contracts.requests import Prediction
 from bsa.core.discovery.next_experiment import PROTOCOLS, propose
-from bsa.core.discovery.simulator import Prediction
 
 
 class _ApartOnShortPulses:

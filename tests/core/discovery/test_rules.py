@@ -3,12 +3,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bsa.core.discovery.adequacy import Adequacy
 from bsa.core.discovery.explanation import TEMPERATURE_DEVIATION_K, Estimate, Explanation
 from bsa.core.discovery.findings import Gap
-from bsa.core.discovery.refit import Refit
 from bsa.core.discovery.rules import RULES, bic_difference, closed
 from bsa.core.effect import Effect, EffectParameter
+from bsa.core.inference.adequacy import Adequacy
+from bsa.core.inference.refit import Refit
 from bsa.core.parameters import Parameter, ParameterSpace
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from bsa.core.discovery.observations import observe
-from bsa.core.discovery.problem import Problem
-from bsa.core.discovery.simulator import MeasuredRecord, Prediction
+from bsa.core.contracts.requests import MeasuredRecord, Prediction
 from bsa.core.effect import Effect, EffectParameter, Evidence
+from bsa.core.inference.observations import observe
+from bsa.core.inference.problem import Problem
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.target import InitialSoc
 from bsa.core.trajectory import Step, StepKind, Trajectory

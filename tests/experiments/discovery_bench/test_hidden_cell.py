@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bsa.core.contracts.effect_choice import effects_of
-from bsa.core.discovery.observations import after_jumps
 from bsa.core.effect import Evidence
+from bsa.core.inference.observations import after_jumps
 from bsa.core.segmentation import segment
 from bsa.core.task import CellModel
 from bsa.experiments import discovery_bench

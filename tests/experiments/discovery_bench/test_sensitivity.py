@@ -3,13 +3,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from bsa.core.discovery.adequacy import Adequacy
 from bsa.core.discovery.explanation import Estimate, Explanation
 from bsa.core.discovery.findings import Findings, Gap
-from bsa.core.discovery.refit import Refit
 from bsa.core.discovery.rules import RULES
 from bsa.core.effect import Effect, EffectParameter
 from bsa.core.files import write_csv
+from bsa.core.inference.adequacy import Adequacy
+from bsa.core.inference.refit import Refit
 from bsa.core.parameters import ParameterSpace
 from bsa.experiments.campaign.results import read_table
 from bsa.experiments.campaign.text_tables import markdown_table

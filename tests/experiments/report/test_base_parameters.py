@@ -4,11 +4,11 @@ from types import SimpleNamespace
 
 import numpy as np
 from bsa.core.contracts.effect_choice import effects_of
-from bsa.core.discovery.adequacy import Adequacy
 from bsa.core.discovery.explanation import Explanation
 from bsa.core.discovery.findings import Findings, Gap
 from bsa.core.discovery.record_discovery import RecordDiscovery
-from bsa.core.discovery.refit import Refit
+from bsa.core.inference.adequacy import Adequacy
+from bsa.core.inference.refit import Refit
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.target import InitialSoc
 from bsa.experiments.report.base_parameters import base_parameters

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bsa.core.contracts.requests import MeasuredRecord
 from bsa.core.discovery.closure import Closure
 from bsa.core.discovery.localisation import LAYOUTS
 from bsa.core.discovery.next_experiment import NextExperiment
-from bsa.core.discovery.observations import Observations, observe
-from bsa.core.discovery.simulator import MeasuredRecord
+from bsa.core.inference.observations import Observations, observe
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.report.discovery import _figure, _held_out
 from bsa.experiments.report.templates import template

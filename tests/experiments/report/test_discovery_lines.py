@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bsa.core.discovery.adequacy import Adequacy
 from bsa.core.discovery.explanation import Estimate, Explanation
 from bsa.core.discovery.findings import Findings, Gap, Nomination
 from bsa.core.discovery.record_discovery import RecordDiscovery
-from bsa.core.discovery.refit import Refit
 from bsa.core.effect import Effect, EffectParameter
+from bsa.core.inference.adequacy import Adequacy
+from bsa.core.inference.refit import Refit
 from bsa.core.parameters import ParameterSpace
 from bsa.experiments.report.discovery_lines import found_lines, untried_line
 

@@ -4,12 +4,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from bsa.core.discovery.adequacy import Adequacy
-from bsa.core.discovery.drift import Drift
 from bsa.core.discovery.explanation import Explanation, estimates_of
 from bsa.core.discovery.findings import Findings, Gap, Nomination
 from bsa.core.discovery.life_discovery import LifeDiscovery
-from bsa.core.discovery.refit import Refit
+from bsa.core.inference.adequacy import Adequacy
+from bsa.core.inference.drift import Drift
+from bsa.core.inference.refit import Refit
 from bsa.core.parameters import ParameterSpace
 from bsa.experiments.report.life_discovery import render
 from bsa.plugins.effects.ageing import EFFECTS

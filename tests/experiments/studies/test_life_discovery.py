@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bsa.core.discovery.adequacy import Adequacy
 from bsa.core.discovery.explanation import Explanation
 from bsa.core.discovery.findings import Findings, Gap
-from bsa.core.discovery.refit import Refit
+from bsa.core.inference.adequacy import Adequacy
+from bsa.core.inference.refit import Refit
 from bsa.core.parameters import ParameterSpace
 from bsa.experiments.studies.life_discovery import HIDDEN, MEASURED, items, make, row_of
 from bsa.plugins.effects.ageing import EFFECTS

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bsa.core.discovery.simulator import MeasuredRecord
+from bsa.core.contracts.requests import MeasuredRecord
 from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.pybamm.before_search.radial_mesh import radial_mesh

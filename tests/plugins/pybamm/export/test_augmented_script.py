@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from bsa.core.discovery.simulator import MeasuredRecord
+from bsa.core.contracts.requests import MeasuredRecord
 from bsa.core.effect import Effect, EffectParameter
 from bsa.core.target import CellChange, target_named
 from bsa.core.task import CellModel

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bsa.core.discovery.simulator import MeasuredRecord, Moments, Request
+from bsa.core.contracts.requests import MeasuredRecord, Moments, Request
 from bsa.core.target import target_named
 from bsa.core.task import CellModel
 from bsa.core.trajectory import Step, StepKind, Trajectory

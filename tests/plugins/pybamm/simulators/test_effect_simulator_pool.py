@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bsa.core.discovery.simulator import MeasuredRecord, Moments, Request
+from bsa.core.contracts.requests import MeasuredRecord, Moments, Request
 from bsa.core.effect import Effect
 from bsa.core.errors import BsaError
 from bsa.core.target import target_named

@@ -1,4 +1,4 @@
-"""What the engine needs from a simulator, and nothing more."""
+"""What is asked of a simulator that adds effects to a model, and what it answers."""
 
 from __future__ import annotations
 

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..contracts.requests import Simulator
 from ..errors import BsaError
 from ..trajectory import FloatArray, StepKind
 from .observations import Observations
 from .problem import UNSURE, Problem, largest_near
-from .simulator import Simulator
 
 _SMALL, _RESTS = 0.04, 0.01
 """Shares of the largest current: below the first one a current may be what an instrument shows at rest, and so far from

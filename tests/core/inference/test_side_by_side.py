@@ -6,7 +6,7 @@ import discovery_toy as toy
 import numpy as np
 import pytest
 from bsa.core.discovery.engine import Engine
-from bsa.core.discovery.side_by_side import side_by_side
+from bsa.core.inference.side_by_side import side_by_side
 
 
 @pytest.mark.parametrize("at_once", [1, 3])

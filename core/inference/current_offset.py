@@ -6,10 +6,10 @@ from functools import lru_cache
 import numpy as np
 
 from ..comparison.noise import resolution
+from ..contracts.requests import MeasuredRecord
 from ..parameters import Parameter
 from ..taper import hidden_charge
 from ..target import CurrentOffset
-from .simulator import MeasuredRecord
 
 _COARSEST, _FINEST = 3e-4, 1e-5
 """Deviation of a current, as a share of its largest value: that of rounding is at most the one of three digits, for a

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from bsa.core.discovery.drift import _drift, drifts
 from bsa.core.errors import BsaError
+from bsa.core.inference.drift import _drift, drifts
 from bsa.core.parameters import Candidate, Parameter, ParameterSpace
 from bsa.core.trajectory import FloatArray
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import discovery_toy as toy
 import numpy as np
 import pytest
-from bsa.core.discovery.observations import observe
-from bsa.core.discovery.reference import _phases, check_tests, without_known
-from bsa.core.discovery.simulator import Request
+from bsa.core.contracts.requests import Request
 from bsa.core.errors import BsaError
+from bsa.core.inference.observations import observe
+from bsa.core.inference.reference import _phases, check_tests, without_known
 
 CYCLE = ((0, 60), (1, 900), (0, 400), (-1, 900), (0, 300))
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from bsa.core.discovery.refit import refit
+from bsa.core.inference.refit import refit
 from bsa.core.parameters import Candidate, Parameter, ParameterSpace
 
 

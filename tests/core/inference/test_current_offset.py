@@ -3,10 +3,10 @@ from dataclasses import replace
 import discovery_toy as toy
 import numpy as np
 import pytest
-from bsa.core.discovery.current_offset import current_offset
-from bsa.core.discovery.observations import observe
-from bsa.core.discovery.problem import Problem
-from bsa.core.discovery.simulator import MeasuredRecord
+from bsa.core.contracts.requests import MeasuredRecord
+from bsa.core.inference.current_offset import current_offset
+from bsa.core.inference.observations import observe
+from bsa.core.inference.problem import Problem
 from bsa.core.taper import hidden_charge
 from bsa.core.target import CurrentOffset, change_of
 from bsa.core.trajectory import StepKind

@@ -12,6 +12,7 @@ from scipy.linalg import block_diag
 from scipy.ndimage import maximum_filter1d
 
 from ..comparison.robust_loss import robust
+from ..contracts.requests import Prediction, Request, Simulator
 from ..effect import Effect
 from ..errors import BsaError
 from ..parameters import Candidate, Parameter, ParameterSpace
@@ -21,7 +22,6 @@ from .current_offset import current_offset
 from .observations import Observations, subset
 from .refit import refit
 from .side_by_side import side_by_side
-from .simulator import Prediction, Request, Simulator
 
 T = TypeVar("T")
 

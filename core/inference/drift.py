@@ -10,10 +10,10 @@ import numpy as np
 from scipy.stats import t as student
 
 from ..errors import BsaError
-from ..inference.identifiability import effective_noise
 from ..normal import NORMAL_95
 from ..parameters import Candidate, ParameterSpace
 from ..trajectory import FloatArray
+from .identifiability import effective_noise
 from .refit import Refit, refit
 
 Simulate = Callable[[int, Sequence[Candidate]], Sequence[FloatArray | None]]

@@ -5,11 +5,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
 from typing import Any, Generic, TypeVar
 
+from ..contracts.requests import Answering, AnyRequest
 from ..encoding import decode_array, encode_array
 from ..errors import BsaError
-from ..run.journal import Journal
-from ..run.run_config import hash_of
-from .simulator import Answering, AnyRequest
+from .journal import Journal
+from .run_config import hash_of
 
 SIMULATION, REFUSED = "simulation", "refused"
 

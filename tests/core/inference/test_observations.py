@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bsa.core.discovery.observations import observe, subset
-from bsa.core.discovery.simulator import MeasuredRecord
+from bsa.core.contracts.requests import MeasuredRecord
+from bsa.core.inference.observations import observe, subset
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from hypothesis import given
 from hypothesis import strategies as st

@@ -3,10 +3,10 @@ import json
 import discovery_toy as toy
 import numpy as np
 import pytest
+from bsa.core.contracts.requests import LifeRequest, LifeResiduals, Moments, Prediction, Request
 from bsa.core.discovery.engine import Engine
-from bsa.core.discovery.recorded import RecordedSimulator
-from bsa.core.discovery.simulator import LifeRequest, LifeResiduals, Moments, Prediction, Request
 from bsa.core.run.journal import Journal, read_events
+from bsa.core.run.recorded import RecordedSimulator
 
 CATALOGUE = (toy.QUADRATIC, toy.HYSTERESIS)
 

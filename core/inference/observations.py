@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ..comparison.knees import CHARGE_SHARE, CLOCK_SHARE, USUAL_SLOPE
 from ..comparison.noise import noise_freedom, noise_of, resolution, rounding_that_stays
+from ..contracts.requests import MeasuredRecord, Moments
 from ..trajectory import FloatArray, StepKind, Trajectory
-from .simulator import MeasuredRecord, Moments
 
 FLOOR_V = 3e-4
 """Voltage differences below this are not physics: discretisation, interpolation of the current, the converter."""

@@ -3,10 +3,10 @@ from dataclasses import replace
 import discovery_toy as toy
 import numpy as np
 import pytest
-from bsa.core.discovery.observations import observe, subset
-from bsa.core.discovery.problem import Problem
-from bsa.core.discovery.simulator import Prediction
+from bsa.core.contracts.requests import Prediction
 from bsa.core.errors import BsaError
+from bsa.core.inference.observations import observe, subset
+from bsa.core.inference.problem import Problem
 
 
 class Stairs(toy.ToySimulator):

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..inference.fit_settings import Box, Settings
-from ..inference.least_squares import LeastSquares, solve
 from ..parameters import ParameterSpace
 from ..trajectory import FloatArray
+from .fit_settings import Box, Settings
+from .least_squares import LeastSquares, solve
 
 Residuals = Callable[[Sequence[dict[str, float]]], Sequence[FloatArray | None]]
 """Weighted residuals (data minus model, in standard deviations) of candidates that may be simulated side by side; None
