@@ -19,18 +19,17 @@ _MANY, _CORES = 100_000, 400
 def random_cells(results: Results) -> str:
     """Cases that nobody tuned for."""
     rows = results.rows("random")
-    columns = {
-        "case": "{task}",
-        "base cell": "{chemistry}",
-        "rates": "{rates}",
-        "start": "{initial_mape:brief}",
-        "hybrid": "{mape:brief}",
-        "simulations": "{simulations:.0f}",
-    }
     errors = [row["mape"] for row in rows]
     mean, median = brief(float(np.mean(errors))), brief(float(np.median(errors)))
-    words = f"{len(rows)} cases: mean {mean} %, median {median} %, worst {brief(max(errors))} %."
-    return results.framed("random", table_of(rows, columns, 3), words)
+    far = sorted((row for row in rows if row["mape"] > 1), key=lambda row: -row["mape"])
+    named = [f"{row['task']} ({row['chemistry']} {row['rates']}, {brief(row['mape'])} %)" for row in far]
+    words = (
+        f"* {len(rows)} cases of {len(grouped(rows, 'chemistry'))} base cells: mean {mean} %, median {median} %, worst "
+        f"{brief(max(errors))} %; the starts have {brief(min(row['initial_mape'] for row in rows))} to "
+        f"{brief(max(row['initial_mape'] for row in rows))} %.\n"
+        f"* Above 1 %: {', '.join(named) or 'none'}."
+    )
+    return results.framed("random", words)
 
 
 def noise(results: Results) -> str:
@@ -119,15 +118,10 @@ def _parameters(counts: Sequence[int]) -> str:
 
 def recovery(results: Results) -> str:
     """Errors at rates that were not fitted, and how errors of curves and parameters go together."""
-    rows, held = results.rows("recovery"), results.rows("held_out")
-    before = {row["task"]: row["mape"] for row in results.rows("published")}
-    fitted = [statistic(values).mean for values in ([r["mape"] for r in rows], [before[r["task"]] for r in rows])]
-    earlier = (
-        f"* At the rates that were fitted: mean {brief(fitted[0])} %; the same tasks in published.csv, which earlier "
-        f"versions made, {brief(fitted[1])} %."
-    )
-    table, remarks = recovery_table(rows, held)
-    return results.framed("recovery held_out", table, "\n".join([earlier, *remarks]))
+    rows = results.rows("recovery")
+    table, remarks = recovery_table(rows, results.rows("held_out"))
+    fitted = f"* At the rates that were fitted: mean {brief(statistic([row['mape'] for row in rows]).mean)} %."
+    return results.framed("recovery held_out", table, "\n".join([fitted, *remarks]))
 
 
 def grid_cost(results: Results) -> str:
@@ -153,25 +147,27 @@ def grid_scaling(results: Results) -> str:
 def agent_alone(results: Results) -> str:
     """The agent without least squares on the rules backend, before the prompts told what the score sees and after."""
     rows = results.rows("agent_alone")
-    errors = {v: {r["task"]: r["mape"] for r in rows if r["version"] == v} for v in ("before", "after")}
-    start = {row["task"]: row["initial_mape"] for row in rows}
-    lines = [[case, *(brief(values[case]) for values in (start, *errors.values()))] for case in start]
-    for cell, own in grouped(rows, "chemistry").items():
-        cases = {row["task"] for row in own}
-        means = [geometric_mean(values[case] for case in cases) for values in errors.values()]
-        lines.append([f"geometric mean, {len(cases)} of {cell}", "", *map(brief, means)])
-    before, after = (geometric_mean(values.values()) for values in errors.values())
-    lines.append([f"geometric mean, all {len(start)}", "", brief(before), brief(after)])
+    before, after = ({r["task"]: r["mape"] for r in rows if r["version"] == v} for v in ("before", "after"))
+    of = {row["task"]: (row["chemistry"], "2C" in row["rates"].split("/")) for row in rows}
+    groups: dict[str, list[str]] = {}
+    for cell in grouped(rows, "chemistry"):
+        groups[cell] = [task for task, (own, _) in of.items() if own == cell]
+        groups[f"{cell} at 2C"] = [task for task in groups[cell] if of[task][1]]
+    lines = []
+    for words, tasks in {**groups, "all": list(of)}.items():
+        means = [brief(geometric_mean(values[task] for task in tasks)) for values in (before, after)]
+        better = sum(after[task] < before[task] for task in tasks)
+        lines.append([words, str(len(tasks)), *means, str(better), str(len(tasks) - better)])
+    ratio = geometric_mean(after.values()) / geometric_mean(before.values())
     tokens = {
-        version: [row["prompt_tokens"] for row in own]
-        for version, own in grouped(results.rows("prompt_tokens"), "version").items()
+        run: [row["prompt_tokens"] for row in own] for run, own in grouped(results.rows("prompt_tokens"), "run").items()
     }
     words = (
-        f"Ratio of the geometric means: {brief(after / before)}. "
-        f"Tokens of a prompt, mean (largest), on regular-37 where no cell is named: "
-        f"{', '.join(f'{v} {np.mean(found):.0f} ({max(found):.0f})' for v, found in tokens.items())}."
+        f"* Ratio of the geometric means: {brief(ratio)}.\n"
+        f"* Tokens of a prompt, mean (largest): "
+        f"{', '.join(f'{run} {np.mean(found):.0f} ({max(found):.0f})' for run, found in tokens.items())}."
     )
-    heads = ["error in % after 20 simulations", "start", "before", "after"]
+    heads = ["geometric mean of errors in %", "tasks", "before", "after", "better", "worse"]
     return results.framed("agent_alone prompt_tokens", markdown_table(heads, lines), words)
 
 
