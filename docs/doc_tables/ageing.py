@@ -1,6 +1,6 @@
 """Tables of ageing: the published tasks of 200 cycles, and methods beside each other."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from bsa.experiments.campaign.summary import geometric_mean, grouped, mean_of
@@ -37,7 +37,7 @@ def _largest(rows: Sequence[dict[str, Any]], name: str) -> str:
     return brief(max(row[name] for row in rows))
 
 
-def _range(rows: Sequence[dict[str, Any]], name: str, form: Any = brief) -> str:
+def _range(rows: Sequence[dict[str, Any]], name: str, form: Callable[[float], str] = brief) -> str:
     """From the smallest to the largest."""
     values = [row[name] for row in rows]
     return f"{form(min(values))} to {form(max(values))}"

@@ -1,6 +1,7 @@
 """Tables of the other calibration studies: noise, random cells, advice, ablation, time, recovery, warm-up."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from bsa.experiments.campaign.statistics import compare
@@ -79,19 +80,6 @@ def ablation(results: Results) -> str:
     return results.framed("ablation", table_of(compare(rows, "full", "mape"), columns), f"Mean errors in %: {means}.")
 
 
-def runtime(results: Results) -> str:
-    """Where the time of a run goes."""
-    rows = results.rows("runtime")
-    measures = {
-        "proposer's share of the wall time": [f"{row['proposer_s'] / row['wall_s']:.1%}" for row in rows],
-        "a proposal, first five steps / s": [brief(row["first_proposals_s"]) for row in rows],
-        "a proposal, last five steps / s": [brief(row["last_proposals_s"]) for row in rows],
-        "MAPE at the end / %": [brief(row["mape"]) for row in rows],
-    }
-    lines = [[name, *values] for name, values in measures.items()]
-    return results.framed("runtime", markdown_table(["20 steps on one task", *(row["method"] for row in rows)], lines))
-
-
 def coverage(results: Results) -> str:
     """How often intervals contain the truth, for the geometry of a cell and for measured cells."""
     parts = []
@@ -145,30 +133,20 @@ def grid_scaling(results: Results) -> str:
 
 
 def agent_alone(results: Results) -> str:
-    """The agent without least squares on the rules backend, before the prompts told what the score sees and after."""
+    """The agent without least squares on the rules backend."""
     rows = results.rows("agent_alone")
-    before, after = ({r["task"]: r["mape"] for r in rows if r["version"] == v} for v in ("before", "after"))
-    of = {row["task"]: (row["chemistry"], "2C" in row["rates"].split("/")) for row in rows}
-    groups: dict[str, list[str]] = {}
-    for cell in grouped(rows, "chemistry"):
-        groups[cell] = [task for task, (own, _) in of.items() if own == cell]
-        groups[f"{cell} at 2C"] = [task for task in groups[cell] if of[task][1]]
     lines = []
-    for words, tasks in {**groups, "all": list(of)}.items():
-        means = [brief(geometric_mean(values[task] for task in tasks)) for values in (before, after)]
-        better = sum(after[task] < before[task] for task in tasks)
-        lines.append([words, str(len(tasks)), *means, str(better), str(len(tasks) - better)])
-    ratio = geometric_mean(after.values()) / geometric_mean(before.values())
-    tokens = {
-        run: [row["prompt_tokens"] for row in own] for run, own in grouped(results.rows("prompt_tokens"), "run").items()
-    }
-    words = (
-        f"* Ratio of the geometric means: {brief(ratio)}.\n"
-        f"* Tokens of a prompt, mean (largest): "
-        f"{', '.join(f'{run} {np.mean(found):.0f} ({max(found):.0f})' for run, found in tokens.items())}."
-    )
-    heads = ["geometric mean of errors in %", "tasks", "before", "after", "better", "worse"]
-    return results.framed("agent_alone prompt_tokens", markdown_table(heads, lines), words)
+    for cell, own in grouped(rows, "chemistry").items():
+        fast = [row for row in own if "2C" in row["rates"].split("/")]
+        lines += [_errors_of(cell, own), _errors_of(f"{cell} at 2C", fast)]
+    lines.append(_errors_of("all", rows))
+    heads = ["error in % after 20 simulations", "tasks", "geometric mean", "largest"]
+    return results.framed("agent_alone", markdown_table(heads, lines))
+
+
+def _errors_of(name: str, rows: Sequence[dict[str, Any]]) -> list[str]:
+    errors = [row["mape"] for row in rows]
+    return [name, str(len(rows)), brief(geometric_mean(errors)), brief(max(errors))]
 
 
 def by_hand(results: Results) -> str:

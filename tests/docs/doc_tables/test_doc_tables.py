@@ -109,17 +109,13 @@ def test_an_ablation_is_paired_by_case(made):
     assert "| no-memory | **4** | 4 to 4 | 8 / 0 / 8 | 0.0078 | larger error |" in made("ablation", ablation=rows)
 
 
-def test_noise_random_warm_up_and_time(made):
+def test_noise_random_and_time(made):
     noisy = made("noise", published=[suite_row("a", mape=0.1)], noise=[suite_row("a", mape=0.3)])
     assert "| with noise, 60 simulations | 0.3 |" in noisy
     assert "| without, 100 simulations | 0.1 |" in noisy
     drawn = made("random", random=[suite_row("random-0", mape=1.0), suite_row("random-1", mape=3.0)])
     assert "2 cases of 1 base cells: mean 2 %, median 2 %, worst 3 %; the starts have 50.0 to 50.0 %." in drawn
     assert "Above 1 %: random-1 (Chen2020 1C/2C, 3 %)." in drawn
-    warm = [{"case": "a", "method": f"full+{kind}-warm-up", "after_warm_up_mape": 9.0, "mape": 2.0} for kind in "xy"]
-    assert "| x-warm-up | 9 | 2 | 2 |" in made("warm-up", warmup=warm)
-    steps = {"proposer_s": 1.0, "wall_s": 4.0, "first_proposals_s": 0.1, "last_proposals_s": 0.2, "mape": 3.0}
-    assert "| proposer's share of the wall time | 25.0% |" in made("runtime", runtime=[{"method": "bo", **steps}])
     costs = {
         "solver_s": 0.2,
         "evaluation_s": 0.2,
@@ -241,11 +237,24 @@ def test_a_law_of_the_fade_has_one_line(made):
 
 def test_an_agent_alone_is_told_by_cell_and_at_the_fastest_rate(made):
     rows = [
-        {"version": version, "task": task, "chemistry": "Chen2020", "rates": rates, "mape": mape}
-        for task, rates, errors in (("a", "0.2C/1C", (4.0, 1.0)), ("b", "2C/1C", (1.0, 4.0)))
-        for version, mape in zip(("before", "after"), errors, strict=True)
+        {"task": task, "chemistry": "Chen2020", "rates": rates, "mape": mape}
+        for task, rates, mape in (("a", "0.2C/1C", 1.0), ("b", "2C/1C", 4.0))
     ]
-    text = made("agent-alone", agent_alone=rows, prompt_tokens=[{"run": "full", "call": 0, "prompt_tokens": 90}])
-    assert "| Chen2020 | 2 | 2 | 2 | 1 | 1 |" in text
-    assert "| Chen2020 at 2C | 1 | 1 | 4 | 0 | 1 |" in text
-    assert "full 90 (90)" in text
+    text = made("agent-alone", agent_alone=rows)
+    assert "| Chen2020 | 2 | 2 | 4 |" in text
+    assert "| Chen2020 at 2C | 1 | 4 | 4 |" in text
+
+
+def test_a_low_fidelity_model_is_told_with_the_tasks_that_lose_by_it(made):
+    rows = [
+        {**suite_row(task, method, mape), "simulator_s": time}
+        for task, method, mape, time in (
+            ("a", "no-low-fidelity", 0.1, 10.0),
+            ("a", "hybrid", 0.2, 5.0),
+            ("b", "no-low-fidelity", 0.3, 10.0),
+            ("b", "hybrid", 0.2, 20.0),
+        )
+    ]
+    text = made("low-fidelity", low_fidelity=rows)
+    assert "Time with it by that without it: 0.5 to 2." in text
+    assert "Larger error with it: a (0.2 and 0.1 %)." in text
