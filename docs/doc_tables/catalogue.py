@@ -8,7 +8,6 @@ from bsa.experiments.studies.fade_trends import trends_table
 from bsa.experiments.studies.life_cost import cost_table
 from bsa.experiments.studies.life_discovery import mechanisms_table, modes_table
 from bsa.experiments.studies.models import cards_table
-from bsa.experiments.studies.warmup import warm_up_table
 from bsa.experiments.studies.whole_life import forecast_table
 
 from . import ageing, discovery, published, real_cells, studies
@@ -32,10 +31,8 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "by-hand": studies.by_hand,
     "models": as_printed("models", cards_table),
     "evaluation": as_printed("evaluation", evaluation_table),
-    "runtime": studies.runtime,
     "recovery": studies.recovery,
     "coverage": studies.coverage,
-    "warm-up": as_printed("warmup", warm_up_table),
     "grid-cost": studies.grid_cost,
     "grid-scaling": studies.grid_scaling,
     "cells": cell_columns,

@@ -1,12 +1,12 @@
 """Tables of the published tasks: the main table, what the start says, ORegan2022, and the baselines beside."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from bsa.experiments.campaign.columns import EARLY
-from bsa.experiments.campaign.summary import main_table, paper_rows, statistic
-from bsa.experiments.campaign.text_tables import bold, brief, markdown_table, spread, table_of
+from bsa.experiments.campaign.summary import grouped, main_table, paper_rows, statistic
+from bsa.experiments.campaign.text_tables import Entry, bold, brief, markdown_table, spread, table_of
 
 from .results import Results
 
@@ -47,16 +47,33 @@ def _best(methods: dict[str, Any], name: str) -> float:
 
 def led_and_alone(results: Results) -> str:
     """The hybrid with and without the low-fidelity model, on the same tasks."""
-    columns = {
-        "task": "{task}",
-        "scaffold": "{method}",
-        "after 20 simulations / %": "{early_objective:brief}",
-        "at the end / %": "{mape:brief}",
-        "simulations": "{simulations:.0f}",
-        "by the low-fidelity model": "{low_fidelity_simulations:.0f}",
-        "time of all / s": "{simulator_s:.0f}",
+    rows = results.rows("low_fidelity")
+    by_method = {method: {row["task"]: row for row in own} for method, own in grouped(rows, "method").items()}
+    columns: dict[str, Entry] = {
+        "scaffold": lambda method: method,
+        "tasks": lambda method: str(len(by_method[method])),
+        f"after {EARLY} / %": lambda method: _range(by_method[method], "early_objective"),
+        "at the end / %": lambda method: _range(by_method[method], "mape"),
+        "simulations": lambda method: _range(by_method[method], "simulations", "{:.0f}".format),
+        "time of all / s": lambda method: _range(by_method[method], "simulator_s", "{:.0f}".format),
     }
-    return results.framed("low_fidelity", table_of(results.rows("low_fidelity"), columns, 2))
+    alone, led_by_it = by_method["no-low-fidelity"], by_method["hybrid"]
+    ratios = [led_by_it[task]["simulator_s"] / alone[task]["simulator_s"] for task in alone]
+    behind = [
+        f"{task} ({brief(led_by_it[task]['mape'])} and {brief(alone[task]['mape'])} %)"
+        for task in alone
+        if led_by_it[task]["mape"] > alone[task]["mape"]
+    ]
+    words = (
+        f"* Time with it by that without it: {brief(min(ratios))} to {brief(max(ratios))}.\n"
+        f"* Larger error with it: {', '.join(behind) or 'none'}."
+    )
+    return results.framed("low_fidelity", table_of(by_method, columns), words)
+
+
+def _range(rows: Mapping[str, Row], name: str, form: Callable[[float], str] = brief) -> str:
+    values = [row[name] for row in rows.values()]
+    return f"{form(min(values))} to {form(max(values))}"
 
 
 def led(results: Results) -> str:
@@ -66,15 +83,14 @@ def led(results: Results) -> str:
     for mode, name in dict.fromkeys((row["mode"], row["chemistry"]) for row in rows):
         now = [row for row in rows if (row["mode"], row["chemistry"]) == (mode, name)]
         both = (now, [earlier[row["task"]] for row in now])
-        ends = [spread(_errors(some)) for some in both]
         early = [spread([row["early_objective"] for row in some]) for some in both]
-        made = [f"{np.mean([row['simulations'] for row in some]):.0f}" for some in both]
+        made = " (".join(f"{np.mean([row['simulations'] for row in some]):.0f}" for some in both)
         best = _best(paper_rows()[mode], name)
-        lines.append([mode, name, str(len(now)), *ends, *early, *made, f"*{brief(best)}*"])
+        lines.append([f"{name}, {mode}", spread(_errors(now)), *early, f"{made})", f"*{brief(best)}*"])
         if np.mean([row["early_objective"] for row in now]) >= best:
             above.append(f"{mode} {name}")
-    heads = ["mode", "base cell", "tasks", "at the end / %", "main table"]
-    heads += [f"after {EARLY} / %", "main table", "simulations", "main table", "*the paper's best row, 100*"]
+    heads = ["error in %", "at the end", f"after {EARLY}", "main table", "simulations (main table)"]
+    heads += ["*paper's best row, 100*"]
     before = [earlier[row["task"]] for row in rows]
     soon, soon_before = ([float(row["early_objective"]) for row in some] for some in (rows, before))
     worst = max(rows, key=lambda row: row["mape"])
@@ -86,7 +102,7 @@ def led(results: Results) -> str:
         f"* At the end: median {_median(_errors(rows))} % ({_median(_errors(before))}), worst {brief(worst['mape'])} % "
         f"({worst['task']}).",
     ]
-    return results.framed("published_led", markdown_table(heads, lines, 2), "\n".join(remarks))
+    return results.framed("published_led", markdown_table(heads, lines), "\n".join(remarks))
 
 
 def _median(errors: Sequence[float]) -> str:
@@ -147,18 +163,20 @@ def _under(rows: Sequence[Row], limit: float) -> int:
 
 def start(results: Results) -> str:
     """Whether the untouched start is the paper's Default row."""
-    theirs, lines, same = paper_rows(), [], 0
+    theirs, differences, lines = paper_rows(), [], []
     for mode, methods in main_table(results.rows("published"), "initial_mape").items():
+        line = [mode]
         for name, entry in methods["hybrid"].items():
-            paper = theirs[mode][_DEFAULT][name].mean
-            difference = entry.mean / paper - 1.0
-            same += abs(difference) <= _REPRODUCED
-            lines.append([mode, name, f"{entry.mean:.2f}", f"{paper:.2f}", f"{100 * difference:+.1f} %"])
-    cells = f"{same} of {len(lines)} cells"
-    words = f"The untouched start reproduces the paper's Default row within {100 * _REPRODUCED:g} % in {cells}:"
-    return "\n\n".join(
-        [words, markdown_table(["mode", "base cell", "our start", "paper, Default", "difference"], lines, 2)]
+            differences.append(entry.mean / theirs[mode][_DEFAULT][name].mean - 1.0)
+            line.append(f"{entry.mean:.2f} ({100 * differences[-1]:+.1f} %)")
+        lines.append(line)
+    same = sum(abs(difference) <= _REPRODUCED for difference in differences)
+    words = (
+        f"The untouched start reproduces the paper's Default row within {100 * _REPRODUCED:g} % in {same} of "
+        f"{len(differences)} cells. Our start, and its difference from the paper's:"
     )
+    sets = list(main_table(results.rows("published"))["regular"]["hybrid"])
+    return "\n\n".join([words, markdown_table(["", *sets], lines)])
 
 
 def oregan(results: Results) -> str:
@@ -199,31 +217,13 @@ def baselines(results: Results) -> str:
     others = results.rows("baselines")
     cases = {row["task"] for row in others if row["method"] == "least-squares"}
     rows = [*(row for row in results.rows("published") if row["task"] in cases), *others]
-    groups = list(dict.fromkeys((row["mode"], row["chemistry"]) for row in rows))
-    means = {
-        method: [_mean_of(rows, method, [c for c in rows if (c["mode"], c["chemistry"]) == group]) for group in groups]
-        for method in _WITH_ONE_OBJECTIVE
-    }
-    least = [min(values[place] for values in means.values()) for place in range(len(groups))]
-    lines = [
-        [
-            method,
-            *(bold(brief(v), v == low) for v, low in zip(means[method], least, strict=True)),
-            *_overall(rows, method),
-        ]
-        for method in _WITH_ONE_OBJECTIVE
-    ]
-    heads = ["method", *(f"{name}, {mode}" for mode, name in groups), "all", "median", "worst", f"after {EARLY}"]
+    lines = [[method, *_overall(rows, method)] for method in _WITH_ONE_OBJECTIVE]
+    heads = ["error / %", "mean", "median", "worst", f"mean after {EARLY}"]
     return results.framed("baselines", markdown_table(heads, lines), "\n".join(_remarks(rows, cases)))
 
 
 def _of(rows: Sequence[Row], method: str, cases: set[str] | None = None) -> dict[str, Row]:
     return {row["task"]: row for row in rows if row["method"] == method and (cases is None or row["task"] in cases)}
-
-
-def _mean_of(rows: Sequence[Row], method: str, group: Sequence[Row]) -> float:
-    own = _of(rows, method, {row["task"] for row in group})
-    return statistic(_errors(list(own.values()))).mean
 
 
 def _overall(rows: Sequence[Row], method: str) -> list[str]:
@@ -250,12 +250,10 @@ def _remarks(rows: Sequence[Row], cases: set[str]) -> list[str]:
         f"* The {len(seven)} tasks on which qNEHVI (errors of charge, current and voltage as three objectives) has "
         f"run: {shared}.",
     ]
+    times = []
     for method in ("bo", "qnehvi"):
         own = list(_of(rows, method).values())
         spent, wall = ([row[name] for row in own] for name in ("proposer_s", "wall_s"))
-        lines.append(
-            f"* Proposals of {method} take {min(spent):.0f} to {max(spent):.0f} s of {min(wall):.0f} to "
-            f"{max(wall):.0f} s a task."
-        )
+        times.append(f"{min(spent):.0f} to {max(spent):.0f} of {min(wall):.0f} to {max(wall):.0f} s ({method})")
     longest = max(float(row["proposer_s"]) for row in hybrid.values())
-    return [*lines, f"* Those of the hybrid take {longest:.1f} s a task at most."]
+    return [*lines, f"* Proposals take {' and '.join(times)} a task, those of the hybrid {longest:.1f} s at most."]

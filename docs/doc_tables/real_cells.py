@@ -155,17 +155,6 @@ TABLES = {
             "held out: mean rms / mV": "{held_out_mv:known}",
         },
     ),
-    # Time of a few simulations without and with the full rows of the Jacobian apart.
-    "jacobian": Plain(
-        "jacobian",
-        3,
-        {
-            "full rows of the Jacobian": "{rows}",
-            "version": "{version}",
-            "simulations": "{simulations:.0f}",
-            "processor s": "{processor_s:.0f}",
-        },
-    ),
     # Errors of cells whose records have rests in place of a slow charge or discharge.
     "pulse-tests": _by_cell("pulse_tests", "inside / %", "{inside_pct:known}"),
     # Errors on cells of other packages' tests, which no version had seen.

@@ -1,6 +1,7 @@
 """Tables of the other calibration studies: noise, random cells, advice, ablation, time, recovery, warm-up."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from bsa.experiments.campaign.statistics import compare
@@ -19,18 +20,17 @@ _MANY, _CORES = 100_000, 400
 def random_cells(results: Results) -> str:
     """Cases that nobody tuned for."""
     rows = results.rows("random")
-    columns = {
-        "case": "{task}",
-        "base cell": "{chemistry}",
-        "rates": "{rates}",
-        "start": "{initial_mape:brief}",
-        "hybrid": "{mape:brief}",
-        "simulations": "{simulations:.0f}",
-    }
     errors = [row["mape"] for row in rows]
     mean, median = brief(float(np.mean(errors))), brief(float(np.median(errors)))
-    words = f"{len(rows)} cases: mean {mean} %, median {median} %, worst {brief(max(errors))} %."
-    return results.framed("random", table_of(rows, columns, 3), words)
+    far = sorted((row for row in rows if row["mape"] > 1), key=lambda row: -row["mape"])
+    named = [f"{row['task']} ({row['chemistry']} {row['rates']}, {brief(row['mape'])} %)" for row in far]
+    words = (
+        f"* {len(rows)} cases of {len(grouped(rows, 'chemistry'))} base cells: mean {mean} %, median {median} %, worst "
+        f"{brief(max(errors))} %; the starts have {brief(min(row['initial_mape'] for row in rows))} to "
+        f"{brief(max(row['initial_mape'] for row in rows))} %.\n"
+        f"* Above 1 %: {', '.join(named) or 'none'}."
+    )
+    return results.framed("random", words)
 
 
 def noise(results: Results) -> str:
@@ -80,19 +80,6 @@ def ablation(results: Results) -> str:
     return results.framed("ablation", table_of(compare(rows, "full", "mape"), columns), f"Mean errors in %: {means}.")
 
 
-def runtime(results: Results) -> str:
-    """Where the time of a run goes."""
-    rows = results.rows("runtime")
-    measures = {
-        "proposer's share of the wall time": [f"{row['proposer_s'] / row['wall_s']:.1%}" for row in rows],
-        "a proposal, first five steps / s": [brief(row["first_proposals_s"]) for row in rows],
-        "a proposal, last five steps / s": [brief(row["last_proposals_s"]) for row in rows],
-        "MAPE at the end / %": [brief(row["mape"]) for row in rows],
-    }
-    lines = [[name, *values] for name, values in measures.items()]
-    return results.framed("runtime", markdown_table(["20 steps on one task", *(row["method"] for row in rows)], lines))
-
-
 def coverage(results: Results) -> str:
     """How often intervals contain the truth, for the geometry of a cell and for measured cells."""
     parts = []
@@ -119,15 +106,10 @@ def _parameters(counts: Sequence[int]) -> str:
 
 def recovery(results: Results) -> str:
     """Errors at rates that were not fitted, and how errors of curves and parameters go together."""
-    rows, held = results.rows("recovery"), results.rows("held_out")
-    before = {row["task"]: row["mape"] for row in results.rows("published")}
-    fitted = [statistic(values).mean for values in ([r["mape"] for r in rows], [before[r["task"]] for r in rows])]
-    earlier = (
-        f"* At the rates that were fitted: mean {brief(fitted[0])} %; the same tasks in published.csv, which earlier "
-        f"versions made, {brief(fitted[1])} %."
-    )
-    table, remarks = recovery_table(rows, held)
-    return results.framed("recovery held_out", table, "\n".join([earlier, *remarks]))
+    rows = results.rows("recovery")
+    table, remarks = recovery_table(rows, results.rows("held_out"))
+    fitted = f"* At the rates that were fitted: mean {brief(statistic([row['mape'] for row in rows]).mean)} %."
+    return results.framed("recovery held_out", table, "\n".join([fitted, *remarks]))
 
 
 def grid_cost(results: Results) -> str:
@@ -151,28 +133,20 @@ def grid_scaling(results: Results) -> str:
 
 
 def agent_alone(results: Results) -> str:
-    """The agent without least squares on the rules backend, before the prompts told what the score sees and after."""
+    """The agent without least squares on the rules backend."""
     rows = results.rows("agent_alone")
-    errors = {v: {r["task"]: r["mape"] for r in rows if r["version"] == v} for v in ("before", "after")}
-    start = {row["task"]: row["initial_mape"] for row in rows}
-    lines = [[case, *(brief(values[case]) for values in (start, *errors.values()))] for case in start]
+    lines = []
     for cell, own in grouped(rows, "chemistry").items():
-        cases = {row["task"] for row in own}
-        means = [geometric_mean(values[case] for case in cases) for values in errors.values()]
-        lines.append([f"geometric mean, {len(cases)} of {cell}", "", *map(brief, means)])
-    before, after = (geometric_mean(values.values()) for values in errors.values())
-    lines.append([f"geometric mean, all {len(start)}", "", brief(before), brief(after)])
-    tokens = {
-        version: [row["prompt_tokens"] for row in own]
-        for version, own in grouped(results.rows("prompt_tokens"), "version").items()
-    }
-    words = (
-        f"Ratio of the geometric means: {brief(after / before)}. "
-        f"Tokens of a prompt, mean (largest), on regular-37 where no cell is named: "
-        f"{', '.join(f'{v} {np.mean(found):.0f} ({max(found):.0f})' for v, found in tokens.items())}."
-    )
-    heads = ["error in % after 20 simulations", "start", "before", "after"]
-    return results.framed("agent_alone prompt_tokens", markdown_table(heads, lines), words)
+        fast = [row for row in own if "2C" in row["rates"].split("/")]
+        lines += [_errors_of(cell, own), _errors_of(f"{cell} at 2C", fast)]
+    lines.append(_errors_of("all", rows))
+    heads = ["error in % after 20 simulations", "tasks", "geometric mean", "largest"]
+    return results.framed("agent_alone", markdown_table(heads, lines))
+
+
+def _errors_of(name: str, rows: Sequence[dict[str, Any]]) -> list[str]:
+    errors = [row["mape"] for row in rows]
+    return [name, str(len(rows)), brief(geometric_mean(errors)), brief(max(errors))]
 
 
 def by_hand(results: Results) -> str:

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from ...core.trajectory import FloatArray
-from ..campaign.summary import Row
-from ..campaign.text_tables import table_of
+from ..campaign.summary import Row, grouped
+from ..campaign.text_tables import markdown_table
 from .whole_life import FITTED, task_of_life
 
 FITTED_TO = (FITTED, 300)
@@ -71,12 +71,15 @@ def continue_life(folder: Path, cell: str, record: Path) -> dict[str, Any]:
 
 
 def trends_table(rows: Sequence[Row]) -> str:
-    """What each law comes to at the last cycle."""
-    columns = {
-        "cell": "{cell}",
-        "law": "{law}",
-        "fitted to cycle": "{fitted_to:.0f}",
-        "left of the fitted cycles": "{rms_pct:.2f} %",
-        f"off at cycle {rows[0]['cycle']:.0f}": "{off_pct:+.1f} %",
-    }
-    return table_of(rows, columns)
+    """What each law leaves of the cycles that it was fitted to, and comes to at the last cycle."""
+    by_law = grouped(rows, "cell", "law")
+    heads = [
+        words
+        for row in next(iter(by_law.values()))
+        for words in (f"left of {row['fitted_to']:.0f} cycles", f"off at {row['cycle']:.0f}")
+    ]
+    lines = [
+        [*law, *(text for row in own for text in (f"{row['rms_pct']:.2f} %", f"{row['off_pct']:+.1f} %"))]
+        for law, own in by_law.items()
+    ]
+    return markdown_table(["cell", "law", *heads], lines, 2)

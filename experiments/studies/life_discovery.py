@@ -16,8 +16,8 @@ from ...core.discovery.life import DEVIATION_V
 from ...core.discovery.life_discovery import LifeDiscovery
 from ...core.files import replacing
 from ...plugins.pybamm.cells.parameter_sets import pybamm
-from ..campaign.summary import Row
-from ..campaign.text_tables import Entry, table_of
+from ..campaign.summary import Row, grouped
+from ..campaign.text_tables import Entry, brief, markdown_table, table_of
 from ..discover import discover
 from ..discovery_case import discover_options
 from ..processor_time import processor_s
@@ -254,12 +254,11 @@ def _text(field: object, empty: str, form: str = "{}") -> str:
 
 
 def modes_table(rows: Sequence[Row]) -> str:
-    """How lithium, active material and resistance drift over the same lives."""
-    columns = {
-        "life": "{task}",
-        "quantity": "{quantity}",
-        "at the end (95 %)": "{value:brief} ± {half:brief}",
-        "cycle": "{cycle:.0f}",
-        "in 100 cycles (95 %)": "{per_100_cycles:brief} ± {half_per_100_cycles:brief}",
-    }
-    return table_of(rows, columns)
+    """What the same lives lost of lithium, active material and conductance by the cycle beside their names."""
+    quantities = list(dict.fromkeys(row["quantity"] for row in rows))
+    found = {(row["task"], row["quantity"]): f"{brief(row['value'])} ± {brief(row['half'])}" for row in rows}
+    lines = [
+        [f"{life} ({own[0]['cycle']:.0f})", *(found[life, quantity] for quantity in quantities)]
+        for life, own in grouped(rows, "task").items()
+    ]
+    return markdown_table(["life (cycle)", *quantities], lines)

@@ -14,7 +14,7 @@ import numpy as np
 from ...backends.opening import open_backend
 from ...core.task import Task
 from ..campaign.summary import Row, grouped
-from ..campaign.text_tables import Entry, brief, table_of
+from ..campaign.text_tables import bold, brief, markdown_table
 from ..read_options import reading
 from ..run import execute_run
 from ..run_record import RunRecord, read_run
@@ -83,28 +83,26 @@ def rows_of(cell: str, run: RunRecord) -> Iterator[ForecastRow]:
 
 
 def forecast_table(rows: Sequence[Row]) -> str:
-    """Measured and predicted capacities, and how far off each cell is."""
-    fitted = rows[0]["fitted_to"]
-    columns: dict[str, Entry] = {
-        "cell": "{cell}",
-        "cycle": lambda row: f"{row['cycle']:.0f}" + (" (fitted)" if row["cycle"] <= fitted else ""),
-        "measured / A h": "{measured_ah:.3f}",
-        "predicted / A h": "{predicted_ah:.3f}",
-        "off by": lambda row: f"{_off_pct(row):+.1f} %",
-        "95 % band / A h": lambda row: (
-            f"{row['low_ah']:.3f} to {row['high_ah']:.3f}" + ("" if _inside(row) else ", does not hold it")
-        ),
-    }
-    told = [row for row in rows if row["cycle"] > fitted or not row["cycle"] % 100]
+    """Measured and predicted capacities, a line a cycle, and how far off each cell is."""
+    fitted, cells = rows[0]["fitted_to"], grouped(rows, "cell")
+    lines: dict[str, list[str]] = {}
+    for row in rows:
+        if row["cycle"] > fitted or not row["cycle"] % 100:
+            cycle = f"{row['cycle']:.0f}" + (" (fitted)" if row["cycle"] <= fitted else "")
+            predicted = f"{row['predicted_ah']:.3f} ({row['low_ah']:.3f} to {row['high_ah']:.3f})"
+            off = bold(f"{_off_pct(row):+.1f} %", not _inside(row))
+            lines.setdefault(cycle, []).extend([f"{row['measured_ah']:.3f}", predicted, off])
+    heads = [words for cell in cells for words in (f"{cell}, A h", "predicted (95 % band)", "off by")]
     remarks = []
-    for cell, own in sorted(grouped(rows, "cell").items()):
+    for cell, own in sorted(cells.items()):
         later = [row for row in own if row["cycle"] > fitted]
-        off = [abs(_off_pct(row)) for row in later]
+        off_by = [abs(_off_pct(row)) for row in later]
         remarks.append(
-            f"* {cell}: {brief(off[-1])} % off at cycle {later[-1]['cycle']:.0f} (aim: 2 %), {brief(max(off))} % at "
-            f"most; the band holds {sum(map(_inside, later))} of {len(later)} cycles after the fit."
+            f"* {cell}: {brief(off_by[-1])} % off at cycle {later[-1]['cycle']:.0f} (aim: 2 %), {brief(max(off_by))} % "
+            f"at most; the band holds {sum(map(_inside, later))} of {len(later)} cycles after the fit (bold: not)."
         )
-    return "\n\n".join([table_of(told, columns), "\n".join(remarks)])
+    table = markdown_table(["cycle", *heads], ([cycle, *entries] for cycle, entries in lines.items()))
+    return "\n\n".join([table, "\n".join(remarks)])
 
 
 def _off_pct(row: Row) -> float:
