@@ -1,7 +1,6 @@
 """Tables of measured cells that show means over the records of a cell, or fits beside each other."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,10 +36,13 @@ def first_fits(results: Results) -> Rows:
 def errors_of(rows: Rows) -> str:
     """Smallest, largest and median error of records in words."""
     whole, most = ([row[name] for row in rows] for name in ("rms_mv", "rms_99_mv"))
-    return (
-        f"{brief(min(whole))} to {brief(max(whole))} mV rms, median {brief(float(np.median(whole)))} "
-        f"({brief(min(most))} to {brief(max(most))} over 99 % of the time)"
-    )
+    median = brief(float(np.median(whole)))
+    return f"{_span(whole)} mV rms, median {median} ({_span(most)} over 99 % of the time)"
+
+
+def _counts(rows: Rows) -> str:
+    """How many records were fitted and how many held out."""
+    return "+".join(f"{len(of_role(rows, role))}" for role in ROLES)
 
 
 def cell_by_cell(results: Results) -> str:
@@ -50,17 +52,11 @@ def cell_by_cell(results: Results) -> str:
     for cell, own in grouped(rows, "cell").items():
         fitted, held_out = (statistic([row["rms_mv"] for row in of_role(own, role)]) for role in ROLES)
         most = mean_of(of_role(own, "held out"), "rms_99_mv")
-        errors = [brief(held_out.mean), brief(most), brief(held_out.worst)]
-        lines.append([cell, f"{fitted.count}", brief(fitted.mean), f"{held_out.count}", *errors])
-    heads = ["cell", "fitted records", "fitted, mean rms / mV", "held-out records"]
-    heads += ["held out, mean rms / mV", "held out, over 99 % of the time / mV", "held out, largest rms / mV"]
-    told = [f"* {_counted(first_fits(results), role)}" for role in ROLES]
-    return "\n\n".join([markdown_table(heads, lines), "\n".join([*told, *_second_fits(rows), *_aim(rows)])])
-
-
-def _counted(rows: Rows, role: str) -> str:
-    own = of_role(rows, role)
-    return f"{len(own)} {role.replace(' ', '-')} records (without those of second fits): {errors_of(own)}."
+        lines.append([cell, _counts(own), *map(brief, (fitted.mean, held_out.mean, most, held_out.worst))])
+    heads = ["cell", "records", "fitted, mean / mV", "held out, mean / mV", "mean over 99 % of the time", "largest"]
+    records = {role: of_role(first_fits(results), role) for role in ROLES}
+    told = [f"* {len(own)} records {role}, without second fits: {errors_of(own)}." for role, own in records.items()]
+    return "\n\n".join([markdown_table(heads, lines, 2), "\n".join([*told, *_second_fits(rows), *_aim(rows)])])
 
 
 def _second_fits(rows: Rows) -> list[str]:
@@ -78,8 +74,8 @@ def _second_fits(rows: Rows) -> list[str]:
         means = [brief(float(np.mean([errors[record] for record in shared]))) for errors in held_out]
         better = sum(held_out[1][record] < held_out[0][record] for record in shared)
         lines.append(
-            f"* {second}: of the {len(shared)} records held out of both fits, {better} are predicted better than by "
-            f"the first fit; their mean is {means[1]} mV rms in place of {means[0]}."
+            f"* {second}: {better} of the {len(shared)} records held out of both fits gain; their mean goes "
+            f"from {means[0]} to {means[1]} mV rms."
         )
     return lines
 
@@ -88,12 +84,11 @@ def _aim(rows: Rows) -> list[str]:
     """The aim beside what was reached."""
 
     def verdict(value: float, limit: float) -> str:
-        return "met" if value <= limit else "**missed**"
+        return f"{'met' if value <= limit else '**missed**'}: {brief(value)}"
 
     return [
-        f"* Aim for the held-out drive cycle {_AIM_RECORD} of the {_AIM_CELL}: {_AIM_MV:.0f} mV rms and {_AIM_K} K. "
-        f"Reached: {brief(row['rms_mv'])} mV ({verdict(row['rms_mv'], _AIM_MV)}) and {brief(row['rms_k'])} K "
-        f"({verdict(row['rms_k'], _AIM_K)})."
+        f"* Aim for drive cycle {_AIM_RECORD} of the {_AIM_CELL}: {_AIM_MV:.0f} mV rms "
+        f"({verdict(row['rms_mv'], _AIM_MV)}) and {_AIM_K} K ({verdict(row['rms_k'], _AIM_K)})."
         for row in rows
         if row["cell"] == _AIM_CELL and _AIM_RECORD in row["record"]
     ]
@@ -104,80 +99,76 @@ class TwoWays:
     """Mean errors of the records of each cell, fitted in one way and in another."""
 
     study: str
-    columns: tuple[str, str]  # What the columns of the two ways begin with, before ``_mv`` and ``_99_mv``.
+    columns: tuple[str, str]
 
     def __call__(self, results: Results) -> str:
         """The table in Markdown."""
-        kinds = {
-            "fitted / mV": ("fitted", "_mv"),
-            "held out / mV": ("held out", "_mv"),
-            "held out, over 99 % / mV": ("held out", "_99_mv"),
-        }
         lines = []
         for cell, own in grouped(results.rows(self.study), "cell").items():
-            counts = " + ".join(f"{len(of_role(own, role))}" for role in ROLES)
-            first, second = (
-                [mean_of(of_role(own, role), f"{name}{end}") for role, end in kinds.values()] for name in self.columns
-            )
-            lines.append([cell, counts, *map(_arrow, first, second)])
-        return results.framed(self.study, markdown_table(["cell", "records", *kinds], lines, 2))
+            first, second = ([mean_of(of_role(own, role), name) for role in ROLES] for name in self.columns)
+            lines.append([cell, _counts(own), *map(_arrow, first, second)])
+        heads = ["cell", "records", *(f"{role} / mV" for role in ROLES)]
+        return results.framed(self.study, markdown_table(heads, lines, 2))
 
 
-def _arrow(first: float, second: float, form: Callable[[float], str] = brief) -> str:
+def _arrow(first: float, second: float) -> str:
     """Two values of one quantity; nothing where there are none."""
-    return "" if math.isnan(first) and math.isnan(second) else f"{form(first)} → {form(second)}"
+    return "" if math.isnan(first) and math.isnan(second) else f"{brief(first)} → {brief(second)}"
+
+
+def _span(values: list[float]) -> str:
+    """The smallest and the largest."""
+    return f"{brief(min(values))} to {brief(max(values))}"
 
 
 def led(results: Results) -> str:
-    """Fits of cells without a low-fidelity model, and fits that it led."""
-    by_cell = {
+    """What a low-fidelity model that leads changes, over the cells that were fitted with it and without."""
+    fits = {
         cell: {row["led"]: row for row in own}
         for cell, own in grouped(results.rows("low_fidelity_cells"), "cell").items()
     }
-    pairs = {cell: (fits["none"], fits["coarse DFN"]) for cell, fits in by_cell.items() if "coarse DFN" in fits}
-    columns = {"simulations": "simulations", "time / s": "simulator_s"}
-    errors = {"fitted / mV": "fitted_mv", "held out / mV": "held_out_mv"}
-    lines = []
-    for cell, (old, new) in pairs.items():
-        counts = [_arrow(old[name], new[name], "{:.0f}".format) for name in columns.values()]
-        means = [_arrow(old[name], new[name]) for name in errors.values()]
-        lines.append([cell, *counts, *means, f"{new['low_fidelity_simulations']:.0f}"])
-    shares = [[new[name] / old[name] for old, new in pairs.values()] for name in columns.values()]
-    simulations, time = (f"{brief(min(share))} to {brief(max(share))}" for share in shares)
-    told = [f"* With it, a fit takes {simulations} times the simulations of the full DFN, and {time} times the time."]
-    others = [cell for cell in by_cell if cell not in pairs]
+    pairs = {cell: (own["none"], own["coarse DFN"]) for cell, own in fits.items() if "coarse DFN" in own}
+
+    def share(name: str) -> str:
+        return _span([new[name] / old[name] for old, new in pairs.values()])
+
+    def change(name: str) -> str:
+        changes = [new[name] - old[name] for old, new in pairs.values()]
+        return f"{min(changes):+.1f} to {max(changes):+.1f} mV"
+
+    told = [
+        f"* Over {len(pairs)} cells, a fit takes {share('simulations')} times the simulations of the full DFN, and "
+        f"{share('simulator_s')} times the time.",
+        f"* A cell's mean error changes by {change('fitted_mv')} (fitted records) and by {change('held_out_mv')} "
+        "(held out).",
+    ]
+    others = [cell for cell in fits if cell not in pairs]
     told += [f"* Not run with the coarse DFN: {'; '.join(others)}."] if others else []
-    table = markdown_table(["cell", *columns, *errors, "by the coarse DFN"], lines)
-    return results.framed("low_fidelity_cells", table, "\n".join(told))
+    return results.framed("low_fidelity_cells", "\n".join(told))
 
 
 def nearest_set(results: Results) -> str:
     """Errors of single fast records, calibrated from a set that was named and from the nearest."""
-    measures = {"before / mV": "start_mv", "rms / mV": "rms_mv", "over 99 % of the time / mV": "rms_99_mv"}
     lines = []
     for record, own in grouped(results.rows("nearest_set"), "record").items():
         named, nearest = ({row["parameters"]: row for row in own}[way] for way in ("Chen2020", "nearest"))
-        taken = nearest["taken"].replace(" and ", ", ")
-        lines.append([record, taken, *(_arrow(named[name], nearest[name]) for name in measures.values())])
-    return results.framed("nearest_set", markdown_table(["record", "taken by `nearest`", *measures], lines, 2))
+        lines.append([record, nearest["taken"].replace(" and ", ", "), _arrow(named["rms_mv"], nearest["rms_mv"])])
+    return results.framed("nearest_set", markdown_table(["record", "taken by `nearest`", "rms / mV"], lines, 2))
 
 
 def nearest_potentials(results: Results) -> str:
-    """Which published potentials are nearest to records that are not slow."""
+    """How well records that are not slow tell the chemistry by published potentials."""
     rows = results.rows("nearest_potentials")
-    lines = [
-        [
-            f"{cell} ({chemistry})",
-            ", ".join(f"{row['hours']:.1f}" for row in own),
-            ", ".join(f"{row['rms_mv']:.1f}" for row in own),
-            ", ".join(f"{row['other_mv']:.1f} ({row['other']})" for row in own),
-        ]
-        for (cell, chemistry), own in grouped(rows, "cell", "chemistry").items()
-    ]
-    heads = ["cell", "record / hours", "nearest: misfit / mV", "next other chemistry: misfit / mV"]
     right = sum(row["taken"] == row["chemistry"] for row in rows)
-    words = f"* The positive electrode that is taken has the cell's own chemistry for {right} of {len(rows)} records."
-    return results.framed("nearest_potentials", markdown_table(heads, lines), words)
+    found = [row["rms_mv"] for row in rows]
+    lead = {f"{row['cell']}, {row['hours']:.1f} h": row["other_mv"] - row["rms_mv"] for row in rows}
+    least = min(lead, key=lambda record: lead[record])
+    words = (
+        f"* For {right} of {len(rows)} records the positive electrode that is taken has the cell's own chemistry. The "
+        f"nearest pair leaves {_span(found)} mV, that of the next chemistry {_span([*lead.values()])} mV more "
+        f"(least: {least})."
+    )
+    return results.framed("nearest_potentials", words)
 
 
 def impedance(results: Results) -> str:
@@ -209,9 +200,6 @@ def paper_cells(results: Results) -> str:
         "charge / %": "{q_mape:brief}",
         "current / %": "{i_mape:brief}",
         "voltage / %": "{v_mape:brief}",
-        "voltage rms / mV": "{v_rmse_mv:brief}",
-        "simulations": "{simulations:.0f}",
-        "failed": "{failed:.0f}",
     }
     words = (
         f"* Mean total MAPE of the {len(rows)} cells: {brief(mean_of(rows, 'mape'))} %; the paper's, of seven cells: "

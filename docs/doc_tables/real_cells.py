@@ -26,11 +26,11 @@ TABLES: dict[str, Callable[[Results], str]] = {
         },
     ),
     # Mean voltage errors of the same fits, by whether a knee counts by all of its error.
-    "knees": by_cell.TwoWays("knees", ("usual", "rms")),
+    "knees": by_cell.TwoWays("knees", ("usual_mv", "rms_mv")),
     "nearest-potentials": by_cell.nearest_potentials,
     "nearest-set": by_cell.nearest_set,
     # Mean voltage errors of the same fits, by whether records have a state of charge each or share a rest voltage.
-    "starts": by_cell.TwoWays("starts", ("own", "shared")),
+    "starts": by_cell.TwoWays("starts", ("own_mv", "shared_mv")),
     # Errors of held-out records beside the bands that their fits predict.
     "bands": Plain(
         "bands",
@@ -78,7 +78,6 @@ TABLES: dict[str, Callable[[Results], str]] = {
             "cell": "{cell}",
             "record": "{record}",
             "": "{role}",
-            "before / mV": "{start_mv:known}",
             "rms / mV": "{rms_mv:brief}",
             "over 99 % of the time / mV": "{rms_99_mv:brief}",
             "inside / %": "{inside_pct:known}",
