@@ -51,9 +51,8 @@ def cell_by_cell(results: Results) -> str:
     lines = []
     for cell, own in grouped(rows, "cell").items():
         fitted, held_out = (statistic([row["rms_mv"] for row in of_role(own, role)]) for role in ROLES)
-        most = mean_of(of_role(own, "held out"), "rms_99_mv")
-        lines.append([cell, _counts(own), *map(brief, (fitted.mean, held_out.mean, most, held_out.worst))])
-    heads = ["cell", "records", "fitted, mean / mV", "held out, mean / mV", "mean over 99 % of the time", "largest"]
+        lines.append([cell, _counts(own), *map(brief, (fitted.mean, held_out.mean, held_out.worst))])
+    heads = ["cell", "records", "fitted, mean / mV", "held out, mean / mV", "held out, largest / mV"]
     records = {role: of_role(first_fits(results), role) for role in ROLES}
     told = [f"* {len(own)} records {role}, without second fits: {errors_of(own)}." for role, own in records.items()]
     return "\n\n".join([markdown_table(heads, lines, 2), "\n".join([*told, *_second_fits(rows), *_aim(rows)])])
@@ -195,7 +194,6 @@ def paper_cells(results: Results) -> str:
     rows = results.rows("paper_cells")
     columns: dict[str, Entry] = {
         "cell": "{cell}",
-        "before / %": "{start_mape:brief}",
         "total MAPE / %": "{mape:brief}",
         "charge / %": "{q_mape:brief}",
         "current / %": "{i_mape:brief}",
