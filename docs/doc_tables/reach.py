@@ -7,6 +7,7 @@ from bsa.experiments.campaign.columns import EARLY
 from bsa.experiments.campaign.summary import exact_interval, statistic
 from bsa.experiments.campaign.text_tables import brief
 
+from .by_cell import ROLES, errors_of, first_fits, of_role
 from .discovery import BLIND, graded, in_measured
 from .published import SLOW, below_the_paper, longer_tasks
 from .results import Results
@@ -18,20 +19,14 @@ def reach(results: Results) -> str:
 
 
 def _measured(results: Results) -> str:
-    # A second fit of a cell has what differs behind a comma in its name.
-    rows = [row for row in results.rows("real_cells") if "," not in row["cell"]]
+    rows = first_fits(results)
     cells = len({row["cell"] for row in rows})
-    parts = []
-    for role, words in (
-        ("fitted", "that were fitted"),
-        ("held out", "held out of these fits (some were in view while the method was developed)"),
-    ):
-        own = [row for row in rows if row["role"] == role]
-        whole, most = ([row[name] for row in own] for name in ("rms_mv", "rms_99_mv"))
-        parts.append(
-            f"the {len(own)} records {words}: {brief(min(whole))} to {brief(max(whole))} mV rms, median "
-            f"{brief(float(np.median(whole)))} ({brief(min(most))} to {brief(max(most))} over 99 % of the time)"
-        )
+    words = {
+        "fitted": "that were fitted",
+        "held out": "held out of these fits (some were in view while the method was developed)",
+    }
+    records = {role: of_role(rows, role) for role in ROLES}
+    parts = [f"the {len(own)} records {words[role]}: {errors_of(own)}" for role, own in records.items()]
     return (
         f"* On {cells} measured cells of public data sets, started from literature sets, voltage under the measured "
         f"current; {'; '.join(parts)}. Cell by cell, with what is still wrong: "

@@ -258,3 +258,63 @@ def test_a_low_fidelity_model_is_told_with_the_tasks_that_lose_by_it(made):
     text = made("low-fidelity", low_fidelity=rows)
     assert "Time with it by that without it: 0.5 to 2." in text
     assert "Larger error with it: a (0.2 and 0.1 %)." in text
+
+
+def record(cell, name, role, rms_mv, rms_k=0.5):
+    return {"cell": cell, "record": name, "role": role, "rms_mv": rms_mv, "rms_99_mv": rms_mv / 2, "rms_k": rms_k}
+
+
+def test_measured_cells_are_averaged_by_cell_and_compared_with_their_aim(made):
+    cell = "Panasonic 18650PF"
+    rows = [record(cell, "C20", "fitted", 4.0), record(cell, "1C", "fitted", 6.0)]
+    rows += [record(cell, "US06", "held out", 20.0), record(cell, "2C", "held out", 30.0)]
+    rows += [record(f"{cell}, warm", "C20", "fitted", 5.0), record(f"{cell}, warm", "2C", "held out", 12.0)]
+    text = made("cell-by-cell", real_cells=rows)
+    assert f"| {cell} | 2+2 | 5 | 25.0 | 30.0 |" in text
+    assert "2 records held out, without second fits: 20.0 to 30.0 mV rms, median 25.0" in text
+    assert "1 of the 1 records held out of both fits gain; their mean goes from 30.0 to 12.0 mV rms" in text
+    assert "15 mV rms (**missed**: 20.0) and 1.5 K (met: 0.5)" in text
+
+
+def test_two_ways_of_a_fit_are_beside_each_other_and_what_has_no_record_is_empty(made):
+    values = {"own_mv": 4.0, "shared_mv": 2.0}
+    rows = [{"cell": "a", "role": role, **values} for role in ("fitted", "held out")]
+    text = made("starts", starts=[*rows, {"cell": "b", "role": "fitted", **values}])
+    assert "| a | 1+1 | 4 → 2 | 4 → 2 |" in text
+    assert "| b | 1+0 | 4 → 2 |  |" in text
+
+
+def test_a_low_fidelity_model_is_judged_by_cells_that_were_fitted_both_ways(made):
+    def fit(cell, led, simulations, held_out_mv):
+        errors = {"fitted_mv": 5.0, "held_out_mv": held_out_mv}
+        return {"cell": cell, "led": led, "simulations": simulations, "simulator_s": simulations, **errors}
+
+    rows = [fit("a", "none", 100, 9.0), fit("a", "coarse DFN", 25, 8.0)]
+    rows += [fit("b", "none", 100, 9.0), fit("b", "coarse DFN", 50, 9.5), fit("c", "none", 100, 9.0)]
+    text = made("low-fidelity-cells", low_fidelity_cells=rows)
+    assert "Over 2 cells, a fit takes 0.25 to 0.5 times the simulations" in text
+    assert "by +0.0 to +0.0 mV (fitted records) and by -1.0 to +0.5 mV (held out)" in text
+    assert "Not run with the coarse DFN: c." in text
+
+
+def test_spectra_are_averaged_by_fit_and_columns_without_values_are_left_out(made):
+    parts = {"resistance_mohm": 3.0, "reactance_mohm": 1.0, "ohmic_mohm": 20.0, "measured_ohmic_mohm": 21.0}
+    empty = dict.fromkeys(parts, math.nan)
+    rows = [{"fit": "alone", "role": "fitted", "rms_mv": mv, **empty} for mv in (10.0, 30.0)]
+    rows += [{"fit": "alone", "role": "held out", "rms_mv": math.nan, **parts}]
+    text = made("impedance", impedance=rows)
+    assert "| alone | 20.0 | 3 | 1 | 20.0 | 21.0 |" in text
+    assert "voltage rms, held out" not in text
+
+
+def test_one_record_from_two_sets_and_the_chemistry_that_its_potentials_tell(made):
+    fits = [
+        {"record": "r", "parameters": way, "taken": "X (negative) and Y (positive)"} for way in ("Chen2020", "nearest")
+    ]
+    rows = [{**fit, "rms_mv": mv} for fit, mv in zip(fits, (30.0, 12.0), strict=True)]
+    assert "| r | X (negative), Y (positive) | 30.0 → 12.0 |" in made("nearest-set", nearest_set=rows)
+    told = {"cell": "a", "chemistry": "LCO", "hours": 1.0, "rms_mv": 11.0}
+    rows = [{**told, "taken": "LCO", "other_mv": 11.5}, {**told, "taken": "NMC", "other_mv": 14.0, "cell": "b"}]
+    text = made("nearest-potentials", nearest_potentials=rows)
+    assert "For 1 of 2 records" in text
+    assert "0.5 to 3 mV more (least: a, 1.0 h)" in text
