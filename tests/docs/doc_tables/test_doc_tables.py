@@ -273,7 +273,8 @@ def test_measured_cells_are_averaged_by_cell_and_compared_with_their_aim(made):
     assert f"| {cell} | 2+2 | 5 | 25.0 | 30.0 |" in text
     assert "2 records held out, without second fits: 20.0 to 30.0 mV rms, median 25.0" in text
     assert "1 of the 1 records held out of both fits gain; their mean goes from 30.0 to 12.0 mV rms" in text
-    assert "15 mV rms (**missed**: 20.0) and 1.5 K (met: 0.5)" in text
+    assert f"| {cell} | US06 | held out | rms | 15 mV | 20.0 mV | **missed** |" in text
+    assert f"| {cell} | US06 | held out | temperature | 1.5 K | 0.5 K | met |" in text
 
 
 def test_two_ways_of_a_fit_are_beside_each_other_and_what_has_no_record_is_empty(made):
