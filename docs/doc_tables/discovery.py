@@ -27,7 +27,7 @@ EARLIER = "discovery_cases discovery_earlier"
 RESOLVED = "20261201"
 """The first seed whose hidden cells have a mesh that is fine enough."""
 
-_BRACKETS = "In brackets: exact 95 % intervals of shares, and 10-90 % of the cases beside a median."
+_BRACKETS = "In brackets: exact 95 % intervals of shares"
 
 _ALONE = "without a reference"
 
@@ -179,7 +179,7 @@ def _figures(cases: Sequence[Graded]) -> str:
         f"{_quantiles([case.cpu_s for case in cases], 0)} s of processor time in one process, and "
         f"{_quantiles([case.wall_s for case in cases], 0)} s of wall time.",
     ]
-    return "\n".join(f"* {line}" for line in lines) + f"\n\n{_BRACKETS}"
+    return "\n".join(f"* {line}" for line in lines) + f"\n\n{_BRACKETS}, and 10-90 % of the cases beside medians."
 
 
 _SETTINGS = {
@@ -267,7 +267,7 @@ def _rates_beside(by_way: Mapping[str, Sequence[Graded]]) -> str:
             parts.append(f"within 10 % in {near} of {len(errors)}, largest error {max(errors):.0%}")
         seconds = float(np.median([case.cpu_s for case in cases]))
         lines.append(f"* {way}: {'; '.join(parts)}; median processor time {seconds:.0f} s.")
-    return "\n".join(lines) + f"\n\n{_BRACKETS}"
+    return "\n".join(lines) + f"\n\n{_BRACKETS}."
 
 
 def repeated_tests(results: Results) -> str:
