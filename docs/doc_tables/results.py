@@ -21,7 +21,10 @@ class Origin(BaseModel, extra="forbid"):
     """How a file of rows was made."""
 
     command: str = Field(description="The command, or several, one a line.")
-    version: str = Field(description="Commit of this package, or the commits between which the rows were made.")
+    version: str | dict[str, str] = Field(
+        description="Commit of this package, or the commits between which the rows were made; where the table itself "
+        "tells the versions, these by the part of the rows that each made."
+    )
     machine: str = Field(description="Cores, and whether other work was done on them.")
     note: str = Field("", description="What else is to be known of these rows, in a sentence.")
 
@@ -55,15 +58,17 @@ class Results:
         ``studies`` is one study, or several joined by spaces; commands of the first stand above.
         """
         names = studies.split()
-        command = f"```sh\n{self._origin(names[0]).command.strip()}\n```"
+        command = f"```sh\n{self.origin(names[0]).command.strip()}\n```"
         return "\n\n".join([command, *parts, "\n".join(self._line(name) for name in names)])
 
     def _line(self, study: str) -> str:
-        origin = self._origin(study)
+        origin = self.origin(study)
         note = f" {origin.note}" if origin.note else ""
-        return f"*[{study}.csv]({self.link}/{study}.csv): made by {origin.version}; {origin.machine}.*{note}"
+        version = origin.version if isinstance(origin.version, str) else "the versions that the table gives"
+        return f"*[{study}.csv]({self.link}/{study}.csv): made by {version}; {origin.machine}.*{note}"
 
-    def _origin(self, study: str) -> Origin:
+    def origin(self, study: str) -> Origin:
+        """Where a file comes from. Raises `BsaError` if the origins do not say so."""
         if study not in self.origins:
             raise BsaError(f'{self.folder / ORIGINS} does not say where "{study}" comes from.', "add an entry.")
         return self.origins[study]

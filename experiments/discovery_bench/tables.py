@@ -10,40 +10,46 @@ from ..campaign.summary import exact_interval
 from ..campaign.text_tables import Entry, markdown_table, table_of
 from .grading import Graded
 
-_GRADES = ("right", "ambiguous", "partial", "declined", "wrong", "failed")
+GRADES = ("right", "ambiguous", "partial", "declined", "wrong", "failed")
 _SETTINGS = ("single", "strong", "weak", "pair", "none", "outside")
 
 
 def as_markdown(graded: Sequence[Graded]) -> str:
-    """The tables of ``docs/discovery-results.md``: grades by setting, confusion, rates, gap, parameters, cost."""
-    lines = [_by_setting(graded), "", _confusion(graded), "", *_rates(graded), *_sizes(graded), *_cost(graded)]
+    """The tables of a campaign: grades by setting, confusion, rates, gap, parameters, cost."""
+    lines = [by_setting(graded), "", _confusion(graded), "", *_rates(graded), *_sizes(graded), *_cost(graded)]
     return "\n".join(lines) + "\n"
 
 
-def _by_setting(graded: Sequence[Graded]) -> str:
-    counts = {setting: Counter(m.grade for m in graded if m.setting == setting) for setting in _SETTINGS}
-    lines = [
-        [setting, str(found.total()), *(str(found[grade]) for grade in _GRADES)]
-        for setting, found in counts.items()
-        if found
-    ]
-    return markdown_table(["setting", "cases", *_GRADES], lines)
+def by_setting(graded: Sequence[Graded]) -> str:
+    """How many cases of each setting have which grade."""
+    some = {setting: [m for m in graded if m.setting == setting] for setting in _SETTINGS}
+    lines = [[setting, *grade_counts(cases)] for setting, cases in some.items() if cases]
+    return markdown_table(["setting", "cases", *GRADES], lines)
+
+
+def grade_counts(graded: Sequence[Graded]) -> list[str]:
+    """The number of cases, and how many have each of `GRADES`."""
+    found = Counter(m.grade for m in graded)
+    return [str(len(graded)), *(str(found[grade]) for grade in GRADES)]
+
+
+def answers(graded: Sequence[Graded]) -> str:
+    """What was said of these cases, and of how many each: ``"time-lag (2); unexplained (1)"``."""
+    found = Counter(_named(m) + " (ambiguous)" * (m.verdict == "ambiguous") if m.named else m.verdict for m in graded)
+    return "; ".join(f"{said} ({count})" for said, count in found.most_common())
 
 
 def _confusion(graded: Sequence[Graded]) -> str:
     """What was hidden against what was said; the setting is told apart, since weak effects are harder."""
-    table: dict[tuple[str, str], Counter[str]] = {}
+    table: dict[tuple[str, str], list[Graded]] = {}
     for m in graded:
-        said = _named(m) + " (ambiguous)" * (m.verdict == "ambiguous") if m.named else m.verdict
-        table.setdefault((_hidden(m), m.setting), Counter())[said] += 1
-    lines = [
-        [*key, "; ".join(f"{name} ({count})" for name, count in answers.most_common())]
-        for key, answers in sorted(table.items())
-    ]
+        table.setdefault((hidden_words(m), m.setting), []).append(m)
+    lines = [[*key, answers(some)] for key, some in sorted(table.items())]
     return markdown_table(["hidden", "setting", "said (cases)"], lines, 3)
 
 
-def _hidden(m: Graded) -> str:
+def hidden_words(m: Graded) -> str:
+    """What a case hides, in words."""
     return " + ".join(m.hidden) or "nothing"
 
 
@@ -152,7 +158,7 @@ def case_table(graded: Sequence[Graded]) -> str:
     columns: dict[str, Entry] = {
         "case": "{task}",
         "setting": "{setting}",
-        "hidden": _hidden,
+        "hidden": hidden_words,
         "verdict": "{verdict}",
         "named": _named,
         "grade": "{grade}",

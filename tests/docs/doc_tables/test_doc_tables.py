@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from bsa.core.errors import BsaError
 from bsa.core.files import write_csv
 from bsa.experiments.campaign.summary import exact_interval, paper_rows
 from bsa.experiments.campaign.text_tables import brief, spread
@@ -155,6 +156,53 @@ def test_measured_cells_show_what_was_named_and_how_far_the_gap_went(made):
     errors = {"fitted_before_mv": 81, "fitted_after_mv": 40, "held_out_before_mv": 66, "held_out_after_mv": 29}
     text = made("measured-cells", measured_cells=[{**row, **errors, "value": 52.3, "low": 32.0, "high": 73.0}])
     assert "| contact-resistance | 52.3 mohm (32.0 to 73.0) | 81.0 → 40.0 | 66.0 → 29.0 | 90 |" in text
+
+
+def blind(task, setting, hidden, verdict, named, grade, **more):
+    shares = {"closed": 1.0, "held_closed": 1.0, "parameter_error": 0.05, "covered": 1.0, "evidence": 100.0}
+    cost = {"wall_s": 60.0, "cpu_s": 50.0, "simulations": 900, "model": "SPMe"}
+    said = {"verdict": verdict, "named": named, "grade": grade}
+    return {"task": task, "setting": setting, "hidden": hidden, **said, **shares, **cost, **more}
+
+
+BLIND = [
+    blind("20261123 case_001", "single", "self-heating", "effect-found", "self-heating", "right"),
+    blind("20261123 case_002", "single", "sei-growth", "effect-found", "lithium-plating", "wrong"),
+    blind("20269999 case_001", "none", "", "no-missing-effect", "", "right", evidence=math.nan),
+]
+
+
+def test_a_further_seed_has_a_line_with_its_version(made, tmp_path):
+    versions = '{"20261123": abc1234, "20269999": "def5678 (from case 1)"}'
+    with pytest.raises(BsaError, match="does not say which version ran seed 20261123, 20269999"):
+        made("discovery-blind", discovery_blind=BLIND)
+    (tmp_path / "origins.yaml").write_text(f"discovery_blind: {{command: c, version: {versions}, machine: m}}")
+    text = TABLES["discovery-blind"](Results(tmp_path))
+    assert "| 20261123 | abc1234 | 2 | 1 | 0 | 0 | 0 | 1 | 1 of 2 |" in text
+    assert "| 20269999 | def5678 (from case 1) | 1 | 1 | 0 | 0 | 0 | 0 | – |" in text
+    assert "| from 20261201 on |  | 1 | 1 | 0 | 0 | 0 | 0 | – |" in text
+    assert "made by the versions that the table gives; m" in text
+    assert "| sei-growth | lithium-plating (1) |" in text
+
+
+def test_sets_of_cases_are_summed_up_and_their_aims_counted(made):
+    cell = {"cell": "cell", "strength": "1 V", "left_mv": 2.0, "known_mv": 0.0}
+    single = {**cell, **blind("case_001", "single", "time-lag", "effect-found", "time-lag", "right")}
+    null = {**cell, **blind("case_002", "none", "", "no-missing-effect", "", "right")}
+    rows = [{**single, "beside": "a"}, {**null, "beside": "a"}, {**single, "beside": "a and b"}]
+    rows += [{**null, "beside": ""}]
+    strong = [blind(f"case_{k}", "strong", "sei-growth", "effect-found", "sei-growth", "right") for k in (1, 2)]
+    studies = {"discovery_blind": BLIND, "discovery_hidden": rows, "discovery_cases": strong[:1]}
+    text = made("discovery-summary", **studies, discovery_earlier=strong[1:])
+    interval = exact_interval(1, 3).removeprefix("exact 95 % interval ")
+    assert f"| fresh seeds | 3 | 2 | 0 | 0 | 0 | 1 ({interval}) | 1 of 2 |" in text
+    assert "| hidden in measured records, beside one reference | 2 | 2 |" in text
+    text = made("discovery-aims", **studies, discovery_earlier=strong[1:])
+    assert "| right name, strong effects that can be told | 95 % | – | 2 of 2 |" in text
+    assert "| wall time on two cores | at most 5 min | 3 of 3 | 2 of 2 |" in text
+    text = made("discovery-hidden", **studies)
+    assert "| cell | a | 2 | 2 | 0 | 0 | 2.0 |" in text
+    assert "| time-lag | 1 of 1 | 1 of 1 |" in text
 
 
 def test_mechanisms_found_are_counted_where_one_was_hidden(made):
