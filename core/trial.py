@@ -8,8 +8,9 @@ Function            Best means                                  Used for
 `likeliest`         the least misfit, step by step              what follows the record most closely
 `closest`           `likeliest`, or `lowest` for a proposer     the trial from which a proposer goes on
                     that is shown the objective alone
-`answer.answer`     `likeliest`; far from the noise of a        what a run reports: parameters, curves, intervals,
-                    protocol the least `misfit_times_score`     predictions, ``best`` of ``result.json``
+`answer.answer`     the highest posterior density; under a      what a run reports: parameters, curves, intervals,
+                    protocol `likeliest`, or far from the       predictions, ``best`` of ``result.json``
+                    noise the least `misfit_times_score`
 ==================  ==========================================  ======================================================
 """
 

@@ -2,7 +2,10 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from ..comparison.residuals import noise_of_residuals
+from ..prior import Prior
 from ..rms import rms
 from ..task import Task
 from ..trial import Trial, likeliest, misfit_times_score
@@ -13,18 +16,38 @@ CLEARLY_ABOVE = 1.5
 The misfit of a true model with 100 independent residuals is 1.0 ± 0.07 times the noise.
 """
 
+_FINEST = 1.0
+"""Standard deviation of a residual that is assumed at least, in tolerances: what a good cycler resolves."""
+
 
 def answer(task: Task, trials: Sequence[Trial]) -> Trial:
-    """The trial that a run reports: the likeliest; the first one where none ran to its end.
+    """The trial that a run reports: the most probable one; the first one where none ran to its end.
 
+    Under a measured current that is the one with the highest posterior density. Under a protocol it is the likeliest.
     A simulated protocol that stays clearly above the noise is another case: the squared residuals are then no
     likelihood. A charge that is cut short may have the least sum of them, although every later point is at the wrong
     time. There the trial with the least product of misfit and score is reported.
     """
+    if task.given_drive:
+        prior = Prior.of(task.space)
+        return min(trials, key=lambda trial: (_improbability(task, prior, trial), trial.objective))
     best = likeliest(trials)
     if not weighs_score(task, best):
         return best
     return min(trials, key=lambda trial: (misfit_times_score(trial), trial.objective))
+
+
+def _improbability(task: Task, prior: Prior, trial: Trial) -> float:
+    """Minus twice the logarithm of the posterior density, but for a constant; infinite for a trial that failed.
+
+    The standard deviation of the residuals is not known: it is the likeliest one.
+    """
+    if trial.residuals is None:
+        return np.inf
+    departure = prior.deviations(task.space.to_unit(trial.candidate))
+    square = max(float(np.mean(np.square(trial.residuals))), _FINEST**2)
+    likelihood = len(trial.residuals) * np.log(square) + float(np.sum(np.square(trial.residuals))) / square
+    return float(likelihood + np.sum(np.square(departure)))
 
 
 def weighs_score(task: Task, best: Trial) -> bool:

@@ -66,6 +66,17 @@ class StageChoice(BaseModel, extra="forbid"):
         default_factory=dict, description="Further parts of names, by the stage without which they are not fitted here."
     )
     after: str = Field("", description="A stage without which this one is skipped.")
+    unless: str = Field("", description="A stage behind which this one is skipped.")
+    again: str = Field(
+        "",
+        description="A stage that this one fits once more, from the same start with another noise; of the two ends the "
+        "more probable one stands. Skipped where that one left less noise.",
+    )
+    noise: float = Field(
+        _USUAL_NOISE,
+        gt=0,
+        description="Standard deviation of residuals, in tolerances, that is assumed at most until the fit has ended.",
+    )
     share: float = Field(1.0, gt=0, le=1, description="Share of the simulations still left that it may use.")
     scan: int = Field(
         0,
@@ -112,9 +123,20 @@ class Stage(ABC):
         self._task, self._space = task, task.space
         self._view = view
         self._chosen = self._free = free
-        self._here = start
+        self.began = self._here = start
         self._left = budget
+        self._most = choice.noise
         self._noise = self._misfit_noise()
+
+    @property
+    def here(self) -> Trial:
+        """The trial of its best point."""
+        return self._here
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of its residuals that is assumed, in tolerances."""
+        return self._noise
 
     @abstractmethod
     def ask(self, simulations_left: int) -> list[Candidate]:
@@ -137,7 +159,8 @@ class Stage(ABC):
     def describe(self) -> str:
         """What is fitted to what, in a sentence."""
         count = int(np.count_nonzero(self._free))
-        return f'Stage "{self.choice.name}", {count} parameters on {_DATA[self.choice.data]}: {self._method}.'
+        again = f' (from where "{self.choice.again}" began)' * bool(self.choice.again)
+        return f'Stage "{self.choice.name}"{again}, {count} parameters on {_DATA[self.choice.data]}: {self._method}.'
 
     @property
     def _method(self) -> str:
@@ -151,7 +174,7 @@ class Stage(ABC):
         """
         seen = self._seen(self._here)
         assert seen is not None
-        return min(residual_noise(seen, int(np.count_nonzero(self._free)), _NOISE_FLOOR), _USUAL_NOISE)
+        return min(residual_noise(seen, int(np.count_nonzero(self._free)), _NOISE_FLOOR), self._most)
 
     def _weighed(self, trial: Trial) -> FloatArray | None:
         """The view's residuals in standard deviations."""
@@ -255,12 +278,16 @@ class StageFit(Stage):
         """What to simulate next; empty when the stage has ended."""
         if self._scan:
             return self._scan
+        if self._first_cycle is not None and self.reduction is None:
+            return []
         # The last one simulates all cycles where the fit of the first one ended.
         limit = min(self._left, simulations_left) - (self.reduction is not None)
         # What does not suffice for another Jacobian is left to later stages, if there are any.
         reckoned = limit if self._left >= simulations_left else None
         points = self._search.ask(reckoned) if limit > 0 else []
-        if (not points or self.takes_slopes) and self._improved():
+        if not points:
+            self._most = max(self._most, _USUAL_NOISE)
+        if (not points or self.takes_slopes) and self._noise_differs():
             before, self._noise = self._noise, self._misfit_noise()
             known, fresh = self._search.jacobian, bool(np.isfinite(self._search.predicted))
             if self._low_fidelity is not None:
@@ -283,12 +310,12 @@ class StageFit(Stage):
             return "a step by the low-fidelity model"
         return "an emulator's step" if self._search.stage == "emulated" else super()._method
 
-    def _improved(self) -> bool:
-        """Whether the misfit has fallen below the assumed noise by more than the standard error of its estimate."""
+    def _noise_differs(self) -> bool:
+        """Whether the misfit tells another noise than is assumed, by more than the standard error of its estimate."""
         seen = self._seen(self._here)
         assert seen is not None
         freedom = max(len(seen) - int(np.count_nonzero(self._free)), 1)
-        return bool(self._misfit_noise() < (1.0 - (2.0 * freedom) ** -0.5) * self._noise)
+        return bool(abs(self._misfit_noise() / self._noise - 1.0) > (2.0 * freedom) ** -0.5)
 
     def tell(self, trials: Sequence[Trial]) -> Trial:
         """Take in the trials of the candidates asked for, in order; the trial of the best point."""

@@ -11,6 +11,7 @@ from ...core.errors import did_you_mean
 from ...core.hooks import ProposeContext, RunContext, hookimpl
 from ...core.parameters import Candidate
 from ...core.proposal import LACKING, Proposal
+from ...core.run.answer import answer
 from ...core.trial import Trial
 from .descent import Descent, DescentOptions, LedOptions
 from .equilibrium_fit import EquilibriumFit
@@ -38,7 +39,8 @@ class StagedOptions(LedOptions):
     @model_validator(mode="after")
     def _known_names(self) -> StagedOptions:
         names = [stage.name for stage in self.stages]
-        for name in (*self.order, *(stage.after for stage in self.stages if stage.after)):
+        told = (name for stage in self.stages for name in (stage.after, stage.unless, stage.again))
+        for name in (*self.order, *filter(None, told)):
             if name not in names:
                 raise ValueError(f'there is no stage "{name}"; {did_you_mean(name, names) or f"stages: {names}"}')
         return self
@@ -65,7 +67,7 @@ class StagedProposer:
         self._descent: Descent | None = None
         self._here: Trial | None = None
         self._stage: Stage | None = None
-        self._finished: set[str] = set()
+        self._finished: dict[str, Stage] = {}
         self._skipped: dict[str, str] = {}
         self._before: int | None = None  # Simulations before the first stage.
         self._shares: list[float] = []  # Of the stages that were carried out or skipped for lack of simulations.
@@ -95,8 +97,15 @@ class StagedProposer:
             candidates = self._stage.ask(context.simulations_left)
             if candidates:
                 return self._proposal(self._stage, candidates)
-            self._finished.add(self._stage.choice.name)
-            self._stage, self._last = None, self._stage
+            self._end(self._stage, context)
+
+    def _end(self, stage: Stage, context: ProposeContext) -> None:
+        """Note that a stage has ended; of two that fit the same, the more probable end stands."""
+        self._stage, self._last = None, stage
+        self._finished[stage.choice.name] = stage
+        first = self._finished.get(stage.choice.again)
+        if first is not None and answer(context.task, [first.here, stage.here]) is first.here:
+            self._last, self._here = first, first.here
 
     @hookimpl
     def weighs_priors(self) -> bool:
@@ -152,19 +161,28 @@ class StagedProposer:
         if choice.after and choice.after not in self._finished:
             self._lacked += [choice] if choice.after in {lacked.name for lacked in self._lacked} else []
             return None, f'the stage "{choice.after}" was skipped'
+        if choice.unless in self._finished:
+            return None, f'the stage "{choice.unless}" was carried out'
+        first = self._finished.get(choice.again)
+        if choice.again and (first is None or first.noise <= choice.noise):
+            return None, f'the stage "{choice.again}" was skipped, or left no more noise than this one assumes'
         if not np.any(free):
             return None, "none of its parameters is searched"
         view = view_of(context.task, choice.data)
         if view.lacking:
             return None, view.lacking
-        start = self._start(context, choice)
+        start = self._start(context, choice) if first is None else first.began
         if choice.data == "open-circuit" and context.equilibrium([start.candidate]) is not None:
             return EquilibriumFit(context.task, choice, view, free, start, budget, context.equilibrium), ""
         # A first cycle alone is another task than what the low-fidelity model simulates.
         low = context.low_fidelity if self._led and choice.data != "first-cycle" else None
+        if first is not None and low is None:
+            return None, "another fit takes a low-fidelity model, which this task does not have"
         # Without such a model, derivatives are simulations of the search.
         needed = _FEWEST_STEPS + (int(np.count_nonzero(free)) if low is None else 0)
         if budget < needed:
+            if first is not None:
+                return None, f"the {context.simulations_left} simulations left do not suffice for another fit"
             return None, self._too_few(choice, int(np.count_nonzero(free)), needed, context)
         return StageFit(context.task, choice, view, free, start, budget, context.trials, low), ""
 

@@ -4,6 +4,7 @@ import numpy as np
 from bsa.core.comparison.residuals import noise_of_residuals
 from bsa.core.comparison.signal_metrics import SignalMetrics
 from bsa.core.feedback import Feedback
+from bsa.core.parameters import Candidate, ParameterSpace
 from bsa.core.rms import rms
 from bsa.core.run.answer import answer
 from bsa.core.task import Task
@@ -11,12 +12,12 @@ from bsa.core.trial import Trial
 from bsa.testing.sample_task import sample_task
 
 
-def trial(index: int, objective: float, misfit: float) -> Trial:
+def trial(index: int, objective: float, misfit: float, candidate: Candidate | None = None) -> Trial:
     return Trial(
         index,
         "search",
         index,
-        {},
+        sample_task().space.initial if candidate is None else candidate,
         SignalMetrics(objective, {}),
         None,
         np.array([misfit, -misfit]),
@@ -49,6 +50,18 @@ def test_far_from_the_noise_of_a_protocol_the_score_counts_too() -> None:
     # A step that vanished: the score owes its value to that.
     assert answer(noisy_task(by_protocol=True), [trial(0, 1.5, 400.0), whole]) is whole
     assert answer(noisy_task(by_protocol=False), [short, whole]) is short
+
+
+def test_under_a_measured_current_the_priors_count() -> None:
+    task = noisy_task(by_protocol=False)
+    known = tuple(replace(parameter, deviation=0.1, prior=True) for parameter in task.space)
+    task = replace(task, space=ParameterSpace(known))
+    far = {parameter.name: parameter.at_coordinate(3.0) for parameter in known}
+    near, little_better, better = trial(0, 1.0, 10.0), trial(1, 0.9, 9.0, far), trial(2, 0.1, 1e-2, far)
+    assert answer(task, [near, little_better]) is near
+    assert answer(replace(task, space=sample_task().space), [near, little_better]) is little_better
+    # Two residuals below a tolerance tell no more than a tolerance does.
+    assert answer(task, [trial(0, 1.0, 1.0), better]).index == 0
 
 
 def test_where_nothing_ran_to_its_end_the_first_stands() -> None:

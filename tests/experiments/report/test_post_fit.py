@@ -129,6 +129,16 @@ def test_a_run_says_by_what_its_values_were_chosen_over_those_with_the_lowest_er
     assert best_score_line(task, best, best, metrics) == ""
 
 
+def test_what_is_more_probable_for_its_priors_is_said_to_be_so() -> None:
+    best, lowest = tried(2, 10.02, 15.0), tried(27, 9.91, 13.6)
+    said = best_score_line(one_record(), best, lowest, PaperMetrics(13.6, 0.1, 0.0, 0.0, 0.1, 0.0, 13.6, 0.0, 0.0))
+    assert said == (
+        "These are the values of simulation 2, the most probable ones: simulation 27 has the lowest voltage RMSE, 13.6 "
+        "mV, and a misfit of 9.91 in place of 10 tolerances (rms), but is farther from the priors of the search space. "
+        "One tolerance is 1 mV."
+    )
+
+
 def test_where_misfit_and_score_chose_together_that_rule_is_told() -> None:
     driven = one_record()
     task = replace(driven, experiments=(replace(driven.experiments[0], protocol=(("Discharge at 1 A",),)),))

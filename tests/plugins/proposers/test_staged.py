@@ -7,6 +7,7 @@ from dataclasses import replace
 from html import unescape
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import bsa
 import numpy as np
@@ -18,6 +19,7 @@ from bsa.core.feedback import Feedback
 from bsa.core.inference.least_squares import LeastSquares
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.record import Record
+from bsa.core.run.answer import answer
 from bsa.core.run.journal import read_events
 from bsa.core.run.loop import RunResult
 from bsa.core.scaffold import Scaffold, load_scaffold
@@ -31,7 +33,7 @@ from bsa.experiments.run_record import read_run
 from bsa.plugins.proposers import stage_fit as stage_fit_module
 from bsa.plugins.proposers.stage_data import view_of
 from bsa.plugins.proposers.stage_fit import StageChoice, StageFit
-from bsa.plugins.proposers.staged import StagedOptions
+from bsa.plugins.proposers.staged import StagedOptions, StagedProposer
 from bsa_toy_cell import CAPACITY, HIDDEN, POLARISATION, RELAXATION, SERIES, toy_scaffold, toy_task
 from bsa_toy_life import life, life_task
 
@@ -101,6 +103,66 @@ def test_a_stage_moves_its_own_parameters_only(run_toy: RunToy, tmp_path: Path) 
     assert result.best.candidate[POLARISATION] != start[POLARISATION]
 
 
+def fitted_again(run_toy: RunToy, folder: Path, off_v: float, **again: Any) -> RunResult:
+    """A stage, and one that fits it again, on a record that the toy can follow within ``off_v`` only."""
+    task = toy_task()
+    experiment = task.experiments[0]
+    record = experiment.target.changed(
+        voltage=experiment.target.voltage + off_v * np.sin(experiment.target.time / 90.0)
+    )
+    task = replace(task, experiments=(replace(experiment, target=record),))
+    stages = [*STAGES, {"name": "again", "data": "everything", "again": "all", "noise": 2.0, **again}]
+    proposer = {"use": "staged", "options": {"stages": stages, "order": ["all", "again"]}}
+    simulator = {"use": "toy-cell", "options": {"low_fidelity": True}}
+    scaffold = toy_scaffold("staged", proposer=proposer, simulator=simulator)
+    return run_toy(folder, task=task, scaffold=scaffold, warm_up=0, simulations=100)
+
+
+def test_a_stage_is_fitted_again_from_where_it_began(run_toy: RunToy, tmp_path: Path) -> None:
+    result = fitted_again(run_toy, tmp_path / "run", 0.02)
+    proposals = [event for event in read_events(tmp_path / "run") if event["event"] == "proposal"]
+    assert stages_of(tmp_path / "run") == ["all", "again"]
+    noise = {
+        name: [event["details"]["noise_tolerances"] for event in proposals if event["details"].get("stage") == name]
+        for name in ("all", "again")
+    }
+    assert noise["all"][0] == 10.0
+    assert noise["again"][0] == 2.0
+    told = [event["rationale"] for event in proposals if event["details"].get("stage") == "again"]
+    assert told[0].startswith('Stage "again" (from where "all" began), 4 parameters')
+    assert result.best is answer(read_run(tmp_path / "run").task, result.trials)
+
+
+@pytest.mark.parametrize(
+    ("off_v", "more", "why"),
+    [
+        (0.0, {}, 'the stage "all" was skipped, or left no more noise than this one assumes'),
+        (0.02, {"unless": "all"}, 'the stage "all" was carried out'),
+    ],
+)
+def test_a_stage_is_not_fitted_again_without_need(
+    run_toy: RunToy, tmp_path: Path, off_v: float, more: dict[str, Any], why: str
+) -> None:
+    result = fitted_again(run_toy, tmp_path / "run", off_v, **more)
+    assert skipped_in(tmp_path / "run")["again"] == why
+    assert result.reason == ""
+
+
+def test_of_two_fits_of_a_stage_the_more_probable_end_stands(task: Task) -> None:
+    proposer = StagedProposer(StagedOptions(), Mock(seed=1))
+    near = stage_of(task, np.full(len(rows_of(task).record), 5.0))
+    far = stage_of(task, np.full(len(rows_of(task).record), 4.0))
+    context = Mock(task=task)
+    for first, second in ((near, far), (far, near)):
+        second.choice = StageChoice(name="again", data="everything", again="all")
+        first.choice = StageChoice(name="all", data="everything")
+        proposer._end(first, context)
+        proposer._here = second.here
+        proposer._end(second, context)
+        assert proposer._last is far
+        assert proposer._here is far.here
+
+
 @pytest.mark.slow
 def test_stages_can_be_repeated_and_left_out(run_toy: RunToy, tmp_path: Path) -> None:
     run_toy(tmp_path / "run", scaffold=staged(order=["all", "ohmic", "all"]), simulations=100)
@@ -153,7 +215,8 @@ def test_an_unknown_stage_is_refused_by_name() -> None:
 
 def test_the_built_in_stages_are_valid() -> None:
     options = StagedOptions.model_validate(load_scaffold("staged").proposer.options)
-    assert [stage.name for stage in options.plan] == ["equilibrium", "kinetics", "transport", "thermal", "joint"]
+    names = [stage.name for stage in options.plan]
+    assert names == ["equilibrium", "kinetics", "transport", "thermal", "joint", "joint-again"]
 
 
 def measured(current: list[float], hours: list[float]) -> Trajectory:
