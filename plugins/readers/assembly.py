@@ -15,12 +15,12 @@ from ...core.record import ReadOptions
 from ...core.trajectory import FloatArray
 from .arrays import ArrayTable
 from .columns import EXTRA, Column, ambient_in, may_be_temperatures, named, resolve, unit_of
-from .dates import clock_s, elapsed_s, exchanged, is_clock_or_date, is_date, is_of_days, seconds_of
+from .dates import clock_s, elapsed_s, exchanged, is_clock_or_date, is_date, is_of_days, seconds_of, since_first
 from .impedance_columns import are_points, spectrum_columns
 from .several_cells import refuse_several_cells, telling_cells
 from .state_sign import NAMES as STATES
 from .state_sign import with_signs
-from .table import Numbers, Table
+from .table import Numbers, Table, first_filled
 
 _COULOMB = ("c", "coulomb", "as", "a.s")
 """Units of a charge in ampere seconds, folded."""
@@ -132,8 +132,8 @@ def _times_in_words(
 ) -> _Times:
     """Times that are clocks or dates; ``beside`` are the dates of a column beside them."""
     seconds, dates = elapsed_s(texts, source, column.name, beside)
-    note = f'the time is that of column "{shown(column.name)}", which begins at {shown(texts[0])}.'
-    if clock_s(next((text for text in texts if text), "")) is None:  # they are dates themselves
+    note = f'the time is that of column "{shown(column.name)}", which begins at {shown(first_filled(texts))}.'
+    if clock_s(first_filled(texts)) is None:  # they are dates themselves
         beside, texts_beside = dates, texts
     dates = beside if dates is None else dates
     return _dated(_Times(seconds, {}, None, (note,)), dates, beside, texts_beside)
@@ -143,7 +143,7 @@ def _times_in_numbers(values: FloatArray, beside: FloatArray | None, texts_besid
     """Times in seconds, or in seconds since 1970, which are dates; ``beside`` are those of a column beside them."""
     if not is_date(values):
         return _dated(_Times(values, {}), beside, beside, texts_beside)
-    return _dated(_Times(values - values[0], {}), values if beside is None else beside, beside, texts_beside)
+    return _dated(_Times(since_first(values), {}), values if beside is None else beside, beside, texts_beside)
 
 
 def _dated(times: _Times, dates: FloatArray | None, written: FloatArray | None, texts: Sequence[str]) -> _Times:

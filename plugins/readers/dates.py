@@ -10,6 +10,7 @@ import numpy as np
 from ...core.errors import BsaError
 from ...core.printable import shown
 from ...core.trajectory import FloatArray
+from .table import first_filled, is_missing
 
 YEARS_S = (631152000.0, 4102444800.0)
 """1990 and 2100, in seconds since 1970: a number outside is no date of a measurement."""
@@ -50,23 +51,23 @@ def elapsed_s(
     changes are times of the day. NaN where a cell holds nothing. Raises `BsaError` where the month could be the day,
     and another time would pass then.
     """
-    first = next((text for text in texts if text), "")
+    first = first_filled(texts)
     if clock_s(first) is not None:
         clock = np.array([np.nan if (value := clock_s(text)) is None else value for text in texts])
         if date is None or not _is_time_of_day(clock, date):
             return clock, None if date is None or is_of_days(date) else date  # a day alone orders no samples
         date = date + clock
-        return date - date[0], date
+        return since_first(date), date
     dates = seconds_of(texts)
     if dates is None:
         raise BsaError(
             f'{source}: column "{shown(column)}" holds no times that are understood (the first is "{shown(first)}").',
             "write them in seconds, as 26:10:00.5, or as 2024-03-01 10:00:00.",
         )
-    since = _since_first(dates)
+    since = since_first(dates)
     if not _says_its_order(first):
         other = _read(texts, day_first=not _day_first(first), first=first)
-        if other is not None and not np.allclose(_since_first(other), since, equal_nan=True):
+        if other is not None and not np.allclose(since_first(other), since, equal_nan=True):
             raise BsaError(
                 f'{source}: column "{shown(column)}" does not tell the month from the day ("{shown(first)}"), and '
                 "another time would pass.",
@@ -75,7 +76,8 @@ def elapsed_s(
     return since, dates
 
 
-def _since_first(dates: FloatArray) -> FloatArray:
+def since_first(dates: FloatArray) -> FloatArray:
+    """The time since the first date that is known."""
     return np.asarray(dates - dates[np.isfinite(dates)][0])
 
 
@@ -108,7 +110,7 @@ def seconds_of(texts: Sequence[str]) -> FloatArray | None:
     The cells of one column are written alike: numbers (seconds since 1970), ISO 8601, or a date of which the month
     comes before the day unless it cannot (``3/11/2017 8:47:03 AM``) or they are parted by points (``11.3.2017``).
     """
-    first = next((text for text in texts if text), "")
+    first = first_filled(texts)
     try:
         float(first)
     except ValueError:
@@ -151,7 +153,7 @@ def _read(texts: Sequence[str], day_first: bool, first: str) -> FloatArray | Non
         how: dict[str, Any] = {"format": "ISO8601"} if _ISO.match(first) else {"dayfirst": day_first}
         dates = pandas.to_datetime(list(texts), errors="coerce", utc=True, **how)
     values = np.where(dates.isna(), np.nan, (dates - pandas.Timestamp(0, tz="UTC")) / pandas.Timedelta(seconds=1))
-    written = np.array([bool(text) for text in texts])
+    written = np.array([not is_missing(text) for text in texts])
     if np.count_nonzero(np.isfinite(values)) > 0.99 * np.count_nonzero(written):
         return values if is_date(values) else None
     return None

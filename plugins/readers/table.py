@@ -21,11 +21,11 @@ _PREAMBLE_LINES = 200
 _SAYS_ITS_LENGTH = re.compile(r"Nb header lines\s*:\s*(\d{1,7})", re.IGNORECASE)
 """How EC-Lab's text files say how many lines their header has: one for each loop, and so hundreds."""
 
-_ROWS_OF_COMMAS = 50
-"""Rows of numbers among which one with a decimal comma is looked for: the first ones may be whole numbers."""
+FIRST_ROWS = 50
+"""Rows that are looked at for how a column is written: the first ones may be empty, or whole numbers without a comma."""
 
 _SEPARATORS: tuple[str | None, ...] = (";", "\t", ",", None)
-_MISSING = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"})
+_MISSING = frozenset({"", "nan", "nat", "na", "<na>", "n/a", "#n/a", "null", "none", "-", "--"})
 
 _UNITS = frozenset(
     [
@@ -61,9 +61,8 @@ class Table:
     notes: tuple[str, ...] = ()  # What was done to make one table of the file.
 
     def first(self, place: int) -> str:
-        """The first cell of a column; empty where the row has none."""
-        cells = next(self.cells(), (0, []))[1]
-        return cells[place] if place < len(cells) else ""
+        """The first cell of a column that holds something, among the first rows; empty where none does."""
+        return first_filled(row[place] for _, row in islice(self.cells(), FIRST_ROWS) if place < len(row))
 
     def numbers(self, wanted: Mapping[int, str], where: Mapping[str, str], texts: Sequence[int] = ()) -> Numbers:
         """Read columns.
@@ -180,9 +179,19 @@ def is_number(cell: str) -> bool:
     return True
 
 
+def is_missing(cell: str) -> bool:
+    """Whether a cell is empty, or says that there is nothing."""
+    return cell.strip().casefold() in _MISSING
+
+
+def first_filled(cells: Iterable[str]) -> str:
+    """The first cell that holds something; empty where none does."""
+    return next((cell for cell in cells if not is_missing(cell)), "")
+
+
 def have_decimal_commas(rows: Iterable[Sequence[str]]) -> bool:
     """Whether one of the first rows of numbers has decimal commas."""
-    return any(map(_has_decimal_commas, islice(rows, _ROWS_OF_COMMAS)))
+    return any(map(_has_decimal_commas, islice(rows, FIRST_ROWS)))
 
 
 def _has_decimal_commas(cells: Sequence[str]) -> bool:
@@ -206,7 +215,7 @@ def _next(top: Sequence[Sequence[str]], index: int) -> Sequence[str]:
 
 def _is_of_words(cells: Sequence[str]) -> bool:
     """Whether a line has cells, of which none is or may be a number."""
-    return any(cells) and not any(is_number(cell) or cell.casefold() in _MISSING for cell in cells if cell)
+    return any(cells) and not any(is_number(cell) or is_missing(cell) for cell in cells if cell)
 
 
 def _is_of_names(cells: Sequence[str]) -> bool:
@@ -339,8 +348,7 @@ def number_in(cell: str, decimal_comma: bool) -> float | None:
         return float(cell)
     except ValueError:
         pass
-    cell = cell.strip()
-    if cell.casefold() in _MISSING:
+    if is_missing(cell):
         return float("nan")
     if decimal_comma:
         try:

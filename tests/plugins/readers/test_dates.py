@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bsa.core.errors import BsaError
+from bsa.core.reading.reading import read_record
 from bsa.plugins.readers.dates import clock_s, elapsed_s, exchanged, seconds_of
 
 
@@ -117,3 +118,23 @@ def test_whether_the_day_comes_first_may_be_told_by_one_date(texts, day_first):
 def test_dates_that_say_their_order_may_cross_midnight(first, second):
     since, _ = elapsed_s([first, second], "a.csv", "Date")
     assert since.tolist() == [0.0, 10800.0]
+
+
+@pytest.mark.parametrize(
+    ("header", "first", "later"),
+    [
+        ("Date Time", ",", "2024-03-01 10:{0:02d}:00,"),
+        ("Date,Time", "2024-03-01,,", "2024-03-01,10:{0:02d}:00,"),
+        ("Date,Time", ",10:00:00,", "2024-03-01,10:{0:02d}:00,"),
+        ("Time", "n/a,", "0:{0:02d}:00,"),
+        ("Unix Time", ",", "17000{0:02d}000,"),
+    ],
+)
+def test_a_first_row_without_a_date_or_a_clock_is_left_out_like_any_other(tmp_path, header, first, later):
+    written = [first, *(later.format(k) for k in range(1, 40))]
+    rows = [f"{when}{4.1 - 0.01 * k},-1.0" for k, when in enumerate(written)]
+    (tmp_path / "a.csv").write_text("\n".join([f"{header},Voltage [V],Current [A]", *rows]))
+    record = read_record(tmp_path / "a.csv")
+    assert len(record.trajectory) == 39
+    assert np.ptp(np.diff(record.trajectory.time)) == 0.0
+    assert any("1 sample without a value was left out (row 2)" in note for note in record.notes)
