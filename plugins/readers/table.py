@@ -2,6 +2,7 @@
 
 import csv
 import re
+import unicodedata
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,12 +26,14 @@ FIRST_ROWS = 50
 """Rows that are looked at for how a column is written: the first ones may be empty, or whole numbers without a comma."""
 
 _SEPARATORS: tuple[str | None, ...] = (";", "\t", ",", None)
+_COMMENTS = frozenset({"#", "%", "//"})
 _MISSING = frozenset({"", "nan", "nat", "na", "<na>", "n/a", "#n/a", "null", "none", "-", "--"})
 
 _UNITS = frozenset(
     [
-        *("s", "sec", "ms", "min", "h", "v", "mv", "v vs. ref.", "a", "ma", "ah", "mah", "c", "w", "mw", "wh", "mwh"),
-        *("°c", "degc", "deg c", "k", "°f", "degf", "ohm", "mohm", "hz", "%", "#", "bits"),
+        *("s", "sec", "ms", "min", "h", "v", "mv", "v vs. ref.", "a", "ma", "ua", "μa", "ah", "mah", "c", "w", "mw"),
+        *("wh", "mwh", "°c", "degc", "deg c", "k", "°f", "degf", "ohm", "mohm", "ω", "mω", "hz", "khz", "mhz", "%"),
+        *("#", "bits"),
     ]
 )
 """What a row of units holds that has no brackets, folded. Other words may be names."""
@@ -236,16 +239,22 @@ def _numeric(top: Sequence[Sequence[str]], index: int) -> bool:
 
 
 def _header(top: Sequence[Sequence[str]], first: int) -> tuple[tuple[str, ...], tuple[str, ...] | None]:
-    above = [cells for cells in top[:first] if len([cell for cell in cells if cell]) >= 2]
-    if len(above) >= 2 and len(above[-1]) == len(above[-2]) and _are_units(above[-1], above[-2]):
+    width = len(top[first])
+    above = [_uncommented(cells, width) for cells in top[:first] if len([cell for cell in cells if cell]) >= 2]
+    if len(above) >= 2 and len(above[-1]) == len(above[-2]) and are_units(above[-1], above[-2]):
         return _named(above[-2]), tuple(above[-1])
-    fits = above and abs(len(above[-1]) - len(top[first])) <= 1
+    fits = above and abs(len(above[-1]) - width) <= 1
     if fits and not all(map(is_number, filter(None, above[-1]))):
         return _named(above[-1]), None
-    return tuple(str(k + 1) for k in range(len(top[first]))), None
+    return tuple(str(k + 1) for k in range(width)), None
 
 
-def _are_units(cells: Sequence[str], names: Sequence[str]) -> bool:
+def _uncommented(cells: Sequence[str], width: int) -> Sequence[str]:
+    """A line above rows of a width, without a mark before it, such as that of ``# time voltage current``."""
+    return cells[1:] if len(cells) > width and cells[0] in _COMMENTS else cells
+
+
+def are_units(cells: Sequence[str], names: Sequence[str]) -> bool:
     """Whether a row beneath names holds units: all in brackets, or all known ones of columns with a name."""
     filled = [cell for cell in cells if cell]
     if all(cell[0] in "[(" and cell[-1] in "])" for cell in filled):
@@ -255,7 +264,7 @@ def _are_units(cells: Sequence[str], names: Sequence[str]) -> bool:
 
 
 def _are_known(units: Sequence[str]) -> bool:
-    return all(unit.casefold() in _UNITS for unit in units if unit)
+    return all(unicodedata.normalize("NFKC", unit).casefold() in _UNITS for unit in units if unit)
 
 
 def _named(cells: Sequence[str]) -> tuple[str, ...]:
