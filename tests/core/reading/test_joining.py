@@ -214,3 +214,28 @@ def test_a_test_that_follows_another_in_a_file_counts_its_cycles_on():
         extra={"cycle": np.ones(2 * len(one)), "step": np.tile(step, 2)},
     )
     assert set(carried_on(twice, everything=True).extra["cycle"]) == {1.0, 2.0}
+
+
+def test_a_temperature_that_one_of_the_files_lacks_is_told():
+    warm = replace(cycle("a"), temperature=np.full(300, 298.15))
+    whole = to_record(joined([cycle("b"), warm], "cell"), ReadOptions())
+    assert whole.trajectory.temperature is None
+    assert any("has no number in 300 of 600 rows; it is not used" in note for note in whole.notes)
+
+
+def test_a_clock_that_goes_on_from_part_to_part_is_finer_than_dates_to_the_minute():
+    first = cycle("a", MARCH)
+    second = replace(cycle("b", MARCH + 9000.0), time=first.time + 9000.0)
+    parts = [
+        replace(part, extra={**part.extra, "date": np.floor(part.extra["date"] / 60.0) * 60.0})
+        for part in (first, second)
+    ]
+    np.testing.assert_allclose(np.diff(joined(parts, "cell").time), 30.0)
+
+
+def test_parts_that_alternate_may_begin_with_a_row_without_a_date():
+    whole = cycle("a", MARCH)
+    odd = np.arange(300) // 50 % 2 == 1
+    whole.extra["date"][0] = np.nan
+    found = joined([whole.kept(~odd), whole.kept(odd)], "cell")
+    np.testing.assert_allclose(found.time, whole.time)
