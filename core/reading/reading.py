@@ -77,6 +77,8 @@ def read_file(
 def _files(path: Path | str | Sequence[Path | str], registry: Registry) -> list[Path]:
     """The files that are meant; those of a folder, unless a reader takes the folder itself."""
     given = [Path(one) for one in ([path] if isinstance(path, (str, Path)) else path)]
+    if not given:
+        raise BsaError("no file is given.", "give one at least.")
     for one in given:
         file, _ = file_and_part(one)
         if "\0" in str(file) or not file.exists():
