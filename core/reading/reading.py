@@ -68,10 +68,8 @@ def read_file(
             f"{len(read) - len(parts)} of {len(read)} files to be joined are impedance spectra.",
             "give them by themselves.",
         )
-    name = parts[0].source if len(parts) == 1 else f"{parts[0].source} and {len(parts) - 1} more"
-    if not isinstance(path, Sequence) or isinstance(path, str):
-        name = parts[0].source if len(parts) == 1 else Path(path).resolve().name
-    return to_record(joined(parts, name), options)
+    several = f"{parts[0].source} and {len(parts) - 1} more"
+    return to_record(joined(parts, Path(path).resolve().name if isinstance(path, (str, Path)) else several), options)
 
 
 def _files(path: Path | str | Sequence[Path | str], registry: Registry) -> list[Path]:

@@ -20,7 +20,7 @@ from .impedance_columns import are_points, spectrum_columns
 from .several_cells import refuse_several_cells, telling_cells
 from .state_sign import NAMES as STATES
 from .state_sign import with_signs
-from .table import Numbers, Table, first_filled
+from .table import Numbers, Table, first_filled, numbers_in
 
 _COULOMB = ("c", "coulomb", "as", "a.s")
 """Units of a charge in ampere seconds, folded."""
@@ -102,7 +102,7 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
         day_first=times.day_first,
         extra=extra,
     )
-    return _without_spectra(samples, [numbers(read.texts[place], table.decimal_comma) for place in of_spectra])
+    return _without_spectra(samples, [numbers_in(read.texts[place], table.decimal_comma) for place in of_spectra])
 
 
 def _without_spectra(samples: Samples, impedance: Sequence[FloatArray]) -> Samples:
@@ -181,7 +181,7 @@ def _notes_on_temperatures(table: AnyTable, taken: Container[int]) -> Iterator[s
     places = [
         k
         for k in may_be_temperatures(table.header, taken)
-        if np.isfinite(numbers([table.first(k)], table.decimal_comma)).all()
+        if np.isfinite(numbers_in([table.first(k)], table.decimal_comma)).all()
     ]
     if places:
         names = [table.header[k] for k in places]
@@ -207,7 +207,7 @@ def _extra(table: AnyTable, places: Mapping[Extra, int], read: Numbers) -> dict[
     found: dict[Extra, FloatArray] = {}
     for name, place in places.items():
         texts = read.texts[place]
-        values = seconds_of(texts) if name == "date" else numbers(texts, table.decimal_comma)
+        values = seconds_of(texts) if name == "date" else numbers_in(texts, table.decimal_comma)
         if values is None or not np.isfinite(values).any():
             continue
         found[name] = values / _per_ah(unit_of(table.header, table.units, place)) if name.endswith("_ah") else values
@@ -245,20 +245,7 @@ def told_apart_by(
     return tuple(found)
 
 
-def numbers(texts: Sequence[str], decimal_comma: bool) -> FloatArray:
-    """Cells as numbers; NaN where one is none."""
-    return np.array([_number(text.replace(",", ".") if decimal_comma else text) for text in texts])
-
-
-def _number(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        return float("nan")
-    return value if abs(value) < 1e15 else float("nan")
-
-
 def kelvin(column: Column, texts: Sequence[str], decimal_comma: bool) -> FloatArray:
     """A column of temperatures in K; NaN where a cell holds none."""
-    values = numbers(texts, decimal_comma)
+    values = numbers_in(texts, decimal_comma)
     return column.in_si(np.where(np.abs(values) < 1e3, values, np.nan))

@@ -10,7 +10,7 @@ import numpy as np
 from ...core.errors import BsaError
 from ...core.printable import shown
 from ...core.trajectory import FloatArray
-from .table import first_filled, is_missing
+from .table import first_filled, is_missing, numbers_in
 
 YEARS_S = (631152000.0, 4102444800.0)
 """1990 and 2100, in seconds since 1970: a number outside is no date of a measurement."""
@@ -117,7 +117,7 @@ def seconds_of(texts: Sequence[str]) -> FloatArray | None:
         day_first = _day_first(first)
         read = _read(texts, day_first, first)
         return _read(texts, not day_first, first) if read is None else read
-    numbers = np.array([_number(text) for text in texts])
+    numbers = numbers_in(texts, decimal_comma=False)
     return numbers if is_date(numbers) else None
 
 
@@ -133,13 +133,6 @@ def exchanged(texts: Sequence[str]) -> tuple[bool | None, FloatArray | None]:
     if max(most_a, most_b) > _MOST_MONTHS:
         return most_a > _MOST_MONTHS, None
     return None, _read(texts, day_first=True, first=days[0].string)
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return np.nan
 
 
 def _read(texts: Sequence[str], day_first: bool, first: str) -> FloatArray | None:

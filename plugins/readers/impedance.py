@@ -17,12 +17,12 @@ from ...core.reading.samples import Mask
 from ...core.record import ReadOptions
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.trajectory import FloatArray
-from .assembly import AnyTable, kelvin, numbers, told_apart_by
+from .assembly import AnyTable, kelvin, told_apart_by
 from .columns import NAMES, Column, ambient_in, half_cell, named, unit_of
 from .gamry import gamry_spectrum, is_gamry_s
 from .impedance_columns import SpectrumColumns, are_points, base_of, is_of_a_record, spectrum_columns
 from .source import first_lines, is_text_table, load_text
-from .table import Numbers, find_table, no_column, split
+from .table import Numbers, find_table, no_column, numbers_in, split
 
 _HEAD_LINES = 120
 """First lines of a file, among which the names of a spectrum's columns are looked for."""
@@ -84,7 +84,7 @@ class ImpedanceCsv:
             if columns is not None:
                 rows = [split(row, separator) for row in lines[place + 1 :]]
                 cells = [row[columns.frequency] for row in rows if len(row) > columns.frequency]
-                return not is_of_a_record(header, numbers(cells, decimal_comma=True))
+                return not is_of_a_record(header, numbers_in(cells, decimal_comma=True))
         return False
 
     def read(self, path: Path, options: ReadOptions) -> ImpedanceSpectrum:
@@ -109,7 +109,7 @@ def spectrum_of(
     wanted = [columns.frequency, columns.first, columns.second]
     beside = [voltage, None if ambient is None else ambient.index]
     read = table.numbers({}, options.where, [*wanted, *(place for place in beside if place is not None)])
-    frequency, first, second = (numbers(read.texts[place], table.decimal_comma) for place in wanted)
+    frequency, first, second = (numbers_in(read.texts[place], table.decimal_comma) for place in wanted)
     kept = are_points(frequency, first, second)
     said = [*notes, *read.notes]
     if unknown and options.ambient_c is None:
@@ -142,7 +142,7 @@ def spectrum_of(
         unit_v = unit_of(table.header, table.units, voltage)
         column = Column("voltage", voltage, table.header[voltage], None if unit_v is None else unit_v.casefold())
         if column.has_known_unit:
-            rest = _median(column.in_si(numbers(read.texts[voltage], table.decimal_comma)))
+            rest = _median(column.in_si(numbers_in(read.texts[voltage], table.decimal_comma)))
         else:
             said.append(f'the unit of "{shown(column.name)}" is not known, and neither is the rest voltage.')
     around = None if ambient is None else _first(kelvin(ambient, read.texts[ambient.index], table.decimal_comma))

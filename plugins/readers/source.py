@@ -81,7 +81,7 @@ def refuse_zip_bomb(path: Path, source: str, kind: str, most: int) -> None:
         with zipfile.ZipFile(path) as package:
             parts = package.infolist()
     except OSError as error:
-        raise BsaError(f"{source} cannot be read: {shown(error.strerror)}.", "check the path and its rights.") from None
+        raise file_error(error, shown(path)) from None
     except (zipfile.BadZipFile, ValueError, NotImplementedError):
         if head(path).startswith(_ZIP):
             raise BsaError(
@@ -141,7 +141,7 @@ def load_text(path: Path) -> tuple[str, list[str]]:
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise BsaError(f"{name} is a damaged gzip file ({shown(error)}).", "download or compress it again.") from None
     except OSError as error:
-        raise BsaError(f"{name} cannot be read: {shown(error.strerror)}.", "check the path and its rights.") from None
+        raise file_error(error, shown(path)) from None
     refuse_large(len(data), name, "cut it into smaller files, or thin it out first.")
     if not data.strip():
         raise BsaError(f"{name} is empty.", "export the record again.")

@@ -367,6 +367,12 @@ def number_in(cell: str, decimal_comma: bool) -> float | None:
     return None
 
 
+def numbers_in(cells: Iterable[str], decimal_comma: bool) -> FloatArray:
+    """Cells as numbers; NaN where one is none, or larger than any that is measured."""
+    found = np.array([np.nan if (value := number_in(cell, decimal_comma)) is None else value for cell in cells])
+    return np.where(np.abs(found) < 1e15, found, np.nan)
+
+
 def no_number(source: str, place: str, column: str, text: str, count: int, rows: int) -> BsaError:
     """The error of a column that has texts in ``count`` of ``rows`` rows, the first at a place."""
     hint = "repair or remove the row." if count == 1 else "repair or remove these rows."

@@ -61,7 +61,7 @@ def test_a_temperature_that_is_given_is_not_guessed(tmp_path: Path, said: bool) 
     ("entry", "more", "message"),
     [
         ("data: []", "", "no file is given"),
-        ("data: first.csv", "overrides: {Negative electrode porosity: .nan}\n", "porosity\" is nan: a finite number"),
+        ("data: first.csv", "overrides: {Negative electrode porosity: .nan}\n", 'porosity" is nan: a finite number'),
     ],
 )
 def test_what_cannot_be_read_or_simulated_is_told(folder: Path, entry: str, more: str, message: str) -> None:
