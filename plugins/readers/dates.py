@@ -64,15 +64,13 @@ def elapsed_s(
             f'{source}: column "{shown(column)}" holds no times that are understood (the first is "{shown(first)}").',
             "write them in seconds, as 26:10:00.5, or as 2024-03-01 10:00:00.",
         )
-    since = since_first(dates)
-    if not _says_its_order(first):
-        other = _read(texts, day_first=not _day_first(first), first=first)
-        if other is not None and not np.allclose(since_first(other), since, equal_nan=True):
-            raise BsaError(
-                f'{source}: column "{shown(column)}" does not tell the month from the day ("{shown(first)}"), and '
-                "another time would pass.",
-                "write dates as 2024-03-01 10:00:00, or give a column of the time that has passed.",
-            )
+    since, (_, other) = since_first(dates), exchanged(texts)
+    if other is not None and not np.allclose(since_first(other), since, equal_nan=True):
+        raise BsaError(
+            f'{source}: column "{shown(column)}" does not tell the month from the day ("{shown(first)}"), and '
+            "another time would pass.",
+            "write dates as 2024-03-01 10:00:00, or give a column of the time that has passed.",
+        )
     return since, dates
 
 
@@ -108,13 +106,14 @@ def seconds_of(texts: Sequence[str]) -> FloatArray | None:
     """Dates as seconds since 1970, NaN where a cell holds none; None where the column holds no dates.
 
     The cells of one column are written alike: numbers (seconds since 1970), ISO 8601, or a date of which the month
-    comes before the day unless it cannot (``3/11/2017 8:47:03 AM``) or they are parted by points (``11.3.2017``).
+    comes before the day unless one of them is above 12 (``3/11/2017 8:47:03 AM``) or they are parted by points
+    (``11.3.2017``).
     """
     first = first_filled(texts)
     try:
         float(first)
     except ValueError:
-        day_first = _day_first(first)
+        day_first = _day_told_first(texts) or _day_first(first)
         read = _read(texts, day_first, first)
         return _read(texts, not day_first, first) if read is None else read
     numbers = numbers_in(texts, decimal_comma=False)
@@ -126,13 +125,18 @@ def exchanged(texts: Sequence[str]) -> tuple[bool | None, FloatArray | None]:
 
     The first is None where no date tells it; the second is None where one does, or the way of writing.
     """
+    told, first = _day_told_first(texts), next(filter(_DAY.match, map(str.strip, texts)), "")
+    open_to_both = told is None and bool(first) and not _says_its_order(first)
+    return told, _read(texts, day_first=True, first=first) if open_to_both else None
+
+
+def _day_told_first(texts: Sequence[str]) -> bool | None:
+    """Whether numbers above 12 tell that the day comes first; None where none does, or the way of writing tells it."""
     days = [day for text in texts if (day := _DAY.match(text.strip()))]
     if not days or _says_its_order(days[0].string):
-        return None, None
+        return None
     most_a, most_b = (max(int(day[key]) for day in days) for key in ("a", "b"))
-    if max(most_a, most_b) > _MOST_MONTHS:
-        return most_a > _MOST_MONTHS, None
-    return None, _read(texts, day_first=True, first=days[0].string)
+    return most_a > _MOST_MONTHS if max(most_a, most_b) > _MOST_MONTHS else None
 
 
 def _read(texts: Sequence[str], day_first: bool, first: str) -> FloatArray | None:

@@ -23,7 +23,7 @@ _SAYS_ITS_LENGTH = re.compile(r"Nb header lines\s*:\s*(\d{1,7})", re.IGNORECASE)
 """How EC-Lab's text files say how many lines their header has: one for each loop, and so hundreds."""
 
 FIRST_ROWS = 50
-"""Rows that are looked at for how a column is written: the first ones may be empty, or whole numbers without a comma."""
+"""Rows that are looked at for how a column is written: the first may be empty, or a whole number without a comma."""
 
 _SEPARATORS: tuple[str | None, ...] = (";", "\t", ",", None)
 _COMMENTS = frozenset({"#", "%", "//"})

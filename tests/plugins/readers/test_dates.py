@@ -138,3 +138,11 @@ def test_a_first_row_without_a_date_or_a_clock_is_left_out_like_any_other(tmp_pa
     assert len(record.trajectory) == 39
     assert np.ptp(np.diff(record.trajectory.time)) == 0.0
     assert any("1 sample without a value was left out (row 2)" in note for note in record.notes)
+
+
+def test_a_few_dates_above_the_twelfth_tell_the_order_for_all():
+    """So few had been taken for cells that hold no date, and the others for dates of nine months."""
+    days = [f"{3 + k // 144:02d}/04/2024 {k // 6 % 24:02d}:{10 * (k % 6):02d}:00" for k in range(10 * 144 + 5)]
+    since, dates = elapsed_s(days, "a", "Date")
+    np.testing.assert_allclose(np.diff(since), 600.0)
+    assert dates[0] == seconds_of(["2024-04-03"])[0]
