@@ -85,7 +85,9 @@ def is_of_days(date: FloatArray) -> bool:
 
 
 def _is_time_of_day(clock: FloatArray, date: FloatArray) -> bool:
-    """Whether clocks beside dates without a time fall where the day changes, and nowhere else."""
+    """Whether clocks beside dates without a time, which most rows have, fall where the day changes and nowhere else."""
+    if 2 * np.count_nonzero(np.isfinite(date)) < len(date):
+        return False
     with np.errstate(invalid="ignore"):
         return is_of_days(date) and bool(np.all((np.diff(clock) < 0.0) == (np.diff(date) > 0.0)))
 

@@ -75,6 +75,9 @@ def test_clocks_that_fall_where_the_day_changes_are_times_of_the_day():
     assert date[2] == days[2]
     time, date = elapsed_s(["00:00:40", "00:00:50", "00:01:00"], "a", "Time", days)
     assert [*time, date] == [40.0, 50.0, 60.0, None]
+    once = seconds_of(["2024-02-29", "", ""])  # as a person writes it
+    time, date = elapsed_s(["10:00:00", "10:00:10", "10:00:20"], "a", "Time", once)
+    assert [*np.diff(time), date] == [10.0, 10.0, None]
 
 
 def test_a_day_that_could_be_the_month_is_refused_where_it_matters():
