@@ -19,6 +19,9 @@ from .samples import Samples
 
 PICKLES = (".pkl", ".pickle")
 
+_HIDDEN = (".", "~$")
+"""How the names of files begin that a folder has beside its records; Excel writes the second while a file is open."""
+
 FALLBACK = "generic-csv"
 """Asked last, since it takes any text table."""
 
@@ -83,7 +86,7 @@ def _files(path: Path | str | Sequence[Path | str], registry: Registry) -> list[
             raise BsaError(f"there is no file {shown(file, 200)}.", "check the path.")
     if len(given) > 1 or not given[0].is_dir() or _matching(given[0], registry, []):
         return given
-    files = sorted(child for child in given[0].iterdir() if not child.name.startswith(".") and child.is_file())
+    files = sorted(child for child in given[0].iterdir() if not child.name.startswith(_HIDDEN) and child.is_file())
     return files or given
 
 

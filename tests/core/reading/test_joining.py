@@ -88,10 +88,13 @@ def write(path, samples: Samples, header: str = "cycle,time_s,current_A,voltage_
 def test_a_folder_and_a_list_of_files_are_one_cell(tmp_path):
     for day in (3, 1, 2):
         write(tmp_path / f"cell_3_{day}_10.csv", cycle())
+    files = sorted(tmp_path.iterdir())
+    for name in (".DS_Store", "~$cell_3_1_10.xlsx"):  # of the system, and of a spreadsheet while a file is open
+        (tmp_path / name).write_bytes(b"\0")
     record = read_record(tmp_path)
     assert record.name == tmp_path.name
     assert record.trajectory.cycles == (1, 2, 3)
-    several = read_record(sorted(tmp_path.iterdir()))
+    several = read_record(files)
     assert several.name == "cell_3_1_10.csv and 2 more"
     np.testing.assert_array_equal(several.trajectory.time, record.trajectory.time)
 
