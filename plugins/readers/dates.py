@@ -16,6 +16,9 @@ YEARS_S = (631152000.0, 4102444800.0)
 """1990 and 2100, in seconds since 1970: a number outside is no date of a measurement."""
 
 _DAY = re.compile(r"(?P<a>\d+)(?P<mark>[-/.])(?P<b>\d+)[-/.]\d+")
+_NAMED_DAY = re.compile(r"\d{1,2}[- ][A-Za-z]{3,9}[- ]\d{2,4}\b")
+"""A date with the name of its month, as MATLAB writes it: ``13-Mar-2024 10:00:00``."""
+
 _MOST_DAYS, _MOST_MONTHS = 31, 12
 
 _ISO = re.compile(r"\d{4}-\d\d-\d\d")
@@ -33,7 +36,7 @@ def clock_s(text: str) -> float | None:
 
 def is_clock_or_date(text: str) -> bool:
     """Whether a cell is a time in hours, minutes and seconds, or begins like a date; numbers are neither."""
-    return clock_s(text) is not None or _DAY.match(text.strip()) is not None
+    return clock_s(text) is not None or any(way.match(text.strip()) for way in (_DAY, _NAMED_DAY))
 
 
 def is_date(numbers: FloatArray) -> bool:
@@ -107,9 +110,9 @@ def _says_its_order(first: str) -> bool:
 def seconds_of(texts: Sequence[str]) -> FloatArray | None:
     """Dates as seconds since 1970, NaN where a cell holds none; None where the column holds no dates.
 
-    The cells of one column are written alike: numbers (seconds since 1970), ISO 8601, or a date of which the month
-    comes before the day unless one of them is above 12 (``3/11/2017 8:47:03 AM``) or they are parted by points
-    (``11.3.2017``).
+    The cells of one column are written alike: numbers (seconds since 1970), ISO 8601, a date with the name of its month
+    (``11-Mar-2017``), or one of which the month comes before the day (``3/11/2017 8:47:03 AM``) unless a number above
+    12 tells otherwise or they are parted by points (``11.3.2017``).
     """
     first = first_filled(texts)
     try:
@@ -143,7 +146,7 @@ def _day_told_first(texts: Sequence[str]) -> bool | None:
 
 def _read(texts: Sequence[str], day_first: bool, first: str) -> FloatArray | None:
     """Dates as seconds since 1970; None if they cannot be read so."""
-    if not _DAY.search(first):
+    if not (_DAY.search(first) or _NAMED_DAY.match(first.strip())):
         return None
     import pandas
 

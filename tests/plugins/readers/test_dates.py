@@ -17,6 +17,8 @@ from bsa.plugins.readers.dates import clock_s, elapsed_s, exchanged, seconds_of
         "8/17/2010 1:44:57 PM",
         "17/08/2010 13:44:57",
         "17.8.2010 13:44:57",
+        "17-Aug-2010 13:44:57",
+        "17 August 2010 13:44:57",
         "1282052697.0",
     ],
 )
@@ -30,7 +32,9 @@ def test_fractions_of_seconds_may_be_missing_in_some_cells():
     np.testing.assert_allclose(seconds_of(["2010-08-17 00:00:00", "2010-08-17 00:00:29.5"]) % 86400, [0.0, 29.5])
 
 
-@pytest.mark.parametrize("texts", [[], [""], ["PAU", "CHA"], ["1", "2"], ["00:10:00"], ["1e300"], ["9999-99-99"]])
+@pytest.mark.parametrize(
+    "texts", [[], [""], ["PAU", "CHA"], ["1", "2"], ["00:10:00"], ["17-Abc-2010"], ["1e300"], ["9999-99-99"]]
+)
 def test_what_is_no_date(texts):
     assert seconds_of(texts) is None
 
@@ -99,6 +103,7 @@ def test_a_day_that_could_be_the_month_is_refused_where_it_matters():
         (["2024-03-04"], None),
         (["2024/03/04"], None),
         (["", "12.5"], None),
+        (["03-Apr-2024"], None),
     ],
 )
 def test_whether_the_day_comes_first_may_be_told_by_one_date(texts, day_first):
