@@ -20,8 +20,8 @@ def joined(parts: Sequence[Samples], source: str) -> Samples:
 
     They are ordered by the date of their first samples or by the date in their names, and stay in the order given where
     some have neither. Files that alternate in time (the pulses in one, the discharges between them in the other) are
-    merged by date. Clocks and numbers of cycles are carried on. A temperature is kept if all have one. Raises
-    `BsaError` if the dates do not tell the month from the day, and the order hangs on it.
+    merged by date. Clocks and numbers of cycles are carried on. Raises `BsaError` if the dates do not tell the month
+    from the day, and the order hangs on it.
     """
     if len(parts) == 1:
         return parts[0]
@@ -64,7 +64,9 @@ def _on(samples: Samples, bounds: NDArray[np.intp], everything: bool) -> Samples
     time, known = samples.time, np.isfinite(passed)
     written = time[places] - time[places - 1]
     falls = written < 0.0
-    gaps = np.where(known, passed, np.where(falls, usual_interval(time) or 1.0, written))
+    # A clock that goes on as dates do, which may be written to the minute, is finer than these.
+    goes_on = ~falls & ~(np.abs(written - passed) > _rounding_s(samples))
+    gaps = np.where(goes_on, written, np.where(known, passed, usual_interval(time) or 1.0))
     shift = np.zeros(len(samples))
     shift[places] = gaps - written
     extra = dict(samples.extra)
@@ -134,10 +136,15 @@ def _begins_step(samples: Samples) -> Mask:
     date, time = samples.extra.get("date"), samples.time
     if date is None:
         return np.zeros(max(len(time) - 1, 0), dtype=np.bool_)
-    passed, ticked = np.diff(date), np.diff(time)
-    rounded = 2.0 * float(np.min(passed[passed > 0.0], initial=np.inf))  # of two dates
+    passed, ticked, rounded = np.diff(date), np.diff(time), _rounding_s(samples)
     goes_on = np.append(np.abs(ticked - passed)[1:] <= rounded, False)
     return np.asarray((passed >= 0.0) & (ticked < -rounded) & goes_on)
+
+
+def _rounding_s(samples: Samples) -> float:
+    """By how much what passes between two dates may be off, s; infinite without dates."""
+    passed = np.diff(samples.extra.get("date", np.zeros(0)))
+    return 2.0 * float(np.min(passed[passed > 0.0], initial=np.inf))
 
 
 def _passed(samples: Samples, places: NDArray[np.intp]) -> FloatArray:
@@ -170,16 +177,16 @@ def _tests_counted(test: FloatArray | None, places: NDArray[np.intp], count: int
 def _concatenated(parts: Sequence[Samples], source: str) -> Samples:
     lengths = [len(part) for part in parts]
     names: dict[Extra, None] = {name: None for part in parts for name in part.extra}
-    warm = [part.temperature for part in parts]
-    temperature = None if any(t is None for t in warm) else np.concatenate([t for t in warm if t is not None])
+    measured = [np.full(len(part), np.nan) if part.temperature is None else part.temperature for part in parts]
+    no_temperature = all(part.temperature is None for part in parts)
     return Samples(
         source=source,
         time=np.concatenate([part.time for part in parts]),
         voltage=np.concatenate([part.voltage for part in parts]),
         current=np.concatenate([part.current for part in parts]),
-        temperature=temperature,
+        temperature=None if no_temperature else np.concatenate(measured),
         rows=np.concatenate([part.rows for part in parts]),
-        names=parts[0].names,
+        names={signal: name for part in reversed(parts) for signal, name in part.names.items()},
         without_unit=parts[0].without_unit,
         notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),
         ambient_k=next((part.ambient_k for part in parts if part.ambient_k is not None), None),
@@ -193,12 +200,13 @@ def _concatenated(parts: Sequence[Samples], source: str) -> Samples:
 
 
 def _merged(samples: Samples) -> Samples:
-    """The samples by date; within a part its own, finer clock counts from the date of its first sample."""
+    """The samples by date; within a part its own, finer clock counts from its first date."""
     assert samples.sheet is not None
     time = samples.time.copy()
     for part in np.unique(samples.sheet):
         inside = np.flatnonzero(samples.sheet == part)
-        time[inside] += samples.extra["date"][inside[0]] - time[inside[0]]
+        dated = inside[np.isfinite(samples.extra["date"][inside])][0]
+        time[inside] += samples.extra["date"][dated] - time[dated]
     time -= time.min()
     order = np.argsort(time, kind="stable")
     # Numbers of steps, cycles and tests are each part's own; a cycler's counters of charge run on through its files.

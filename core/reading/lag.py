@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..trajectory import FloatArray
+from .clock import usual_interval
 from .samples import Samples
 
 _EVEN_SAMPLES = 20_000
@@ -66,7 +67,7 @@ def shown_lag(samples: Samples) -> Lag | None:
     The ohmic part of a cell's voltage follows its current at once: with the right lag changes of the voltage are
     nearly proportional to those of the current.
     """
-    interval = float(np.median(np.diff(samples.time)))
+    interval = usual_interval(samples.time)
     time = samples.time[0] + interval * np.arange(min(_EVEN_SAMPLES, int(np.ptp(samples.time) / interval)))
     if len(time) <= _APART:
         return None

@@ -14,9 +14,10 @@ from .gaps import FLOWS, gaps_in
 def parts_between_gaps(record: Record) -> list[Record]:
     """The record, cut where it is silent for long beside a load: when that began or ended, nobody wrote down.
 
-    A part that begins at rest has a state of charge of its own, and is a record of its own. One that begins under load
-    shows no open-circuit voltage, and one of a few samples is no record; these are left out, and the first part says
-    so. The record itself where there is no such silence.
+    A part that begins at rest has a state of charge of its own, and is a record of its own. One that begins under load,
+    as the whole record may, shows no open-circuit voltage, and one of a few samples is no record; these are left out
+    (but for the longest one, where no other is left), and the first part says so. The record itself where there is no
+    such silence.
     """
     trajectory = record.trajectory
     loaded = np.abs(trajectory.current) > FLOWS * np.max(np.abs(trajectory.current), initial=0.0)
@@ -25,7 +26,8 @@ def parts_between_gaps(record: Record) -> list[Record]:
     if len(cuts) == 0:
         return [record]
     edges = list(pairwise([0, *map(int, cuts), len(trajectory)]))
-    kept = [(a, b) for place, (a, b) in enumerate(edges) if place == 0 or not (loaded[a] or b - a < MIN_SAMPLES)]
+    kept = [(a, b) for a, b in edges if b - a >= MIN_SAMPLES and (a == 0 or not loaded[a])]
+    kept = kept or [max(edges, key=lambda edge: edge[1] - edge[0])]
     left_out_s = sum(float(np.ptp(trajectory.time[a:b])) for a, b in edges if (a, b) not in kept)
     note = (
         f"it is silent for long beside a load, so that the charge is not known (silences: {len(cuts)}); records that "

@@ -19,6 +19,9 @@ from .samples import Samples
 
 PICKLES = (".pkl", ".pickle")
 
+_HIDDEN = (".", "~$")
+"""How the names of files begin that a folder has beside its records; Excel writes the second while a file is open."""
+
 FALLBACK = "generic-csv"
 """Asked last, since it takes any text table."""
 
@@ -68,22 +71,22 @@ def read_file(
             f"{len(read) - len(parts)} of {len(read)} files to be joined are impedance spectra.",
             "give them by themselves.",
         )
-    name = parts[0].source if len(parts) == 1 else f"{parts[0].source} and {len(parts) - 1} more"
-    if not isinstance(path, Sequence) or isinstance(path, str):
-        name = parts[0].source if len(parts) == 1 else Path(path).resolve().name
-    return to_record(joined(parts, name), options)
+    several = f"{parts[0].source} and {len(parts) - 1} more"
+    return to_record(joined(parts, Path(path).resolve().name if isinstance(path, (str, Path)) else several), options)
 
 
 def _files(path: Path | str | Sequence[Path | str], registry: Registry) -> list[Path]:
     """The files that are meant; those of a folder, unless a reader takes the folder itself."""
     given = [Path(one) for one in ([path] if isinstance(path, (str, Path)) else path)]
+    if not given:
+        raise BsaError("no file is given.", "give one at least.")
     for one in given:
         file, _ = file_and_part(one)
         if "\0" in str(file) or not file.exists():
             raise BsaError(f"there is no file {shown(file, 200)}.", "check the path.")
     if len(given) > 1 or not given[0].is_dir() or _matching(given[0], registry, []):
         return given
-    files = sorted(child for child in given[0].iterdir() if not child.name.startswith(".") and child.is_file())
+    files = sorted(child for child in given[0].iterdir() if not child.name.startswith(_HIDDEN) and child.is_file())
     return files or given
 
 

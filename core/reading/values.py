@@ -24,6 +24,10 @@ MAX_CURRENT_A = 2000.0
 """A record with one sample in twenty above this is taken for one in mA, in A."""
 
 
+_EXCEL_DAYS = (32874.0, 73051.0)
+"""The years 1990 to 2100 in days since 1899, as spreadsheets count dates."""
+
+
 def without_missing(samples: Samples) -> Samples:
     """Leave out the few samples without a value. Raises `BsaError` if there are many."""
     if len(samples) == 0:
@@ -95,7 +99,8 @@ def check_units(samples: Samples) -> None:
     duration = float(np.max(samples.time) - np.min(samples.time))
     swing = float(np.ptp(np.quantile(samples.voltage, [0.02, 0.98])))
     if len(samples) >= 50 and 0.0 < duration < 30.0 and swing > 0.5:
-        _refuse_unit(samples, "time", f"{duration:g} s in all while the voltage moves by {swing:.2g} V", "h")
+        unit = "d" if _EXCEL_DAYS[0] < float(np.min(samples.time)) < _EXCEL_DAYS[1] else "h"
+        _refuse_unit(samples, "time", f"{duration:g} s in all while the voltage moves by {swing:.2g} V", unit)
 
 
 def _refuse_unit(samples: Samples, signal: Signal, value: str, unit: str) -> None:

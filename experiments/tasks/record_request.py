@@ -83,8 +83,14 @@ class RecordRequest:
             return [replace(part, initial_voltage=voltage) for part in as_life(self, record)]
         if self.protocol is not None or self.detailed_cycles is not None:
             return [replace(self, source=record)]
-        first, *others = parts_between_gaps(record)
-        return [replace(self, source=first), *(replace(self, source=part, initial_soc=None) for part in others)]
+        return [
+            replace(self, source=part, initial_soc=self.initial_soc if _begins_with(part, record) else None)
+            for part in parts_between_gaps(record)
+        ]
+
+
+def _begins_with(part: Record, whole: Record) -> bool:
+    return bool(part.trajectory.time[0] == whole.trajectory.time[0])
 
 
 def parse_cycles(text: str) -> tuple[int, int]:

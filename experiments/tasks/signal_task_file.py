@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, Field, FiniteFloat, model_validator
 
 from ...core.cell import CELL
 from ...core.contracts.registry import installed
@@ -104,7 +104,7 @@ class SignalTaskFile(BaseModel, extra="forbid"):
     simulator: str = Field(description="Name of the simulator, as bsa list shows it.")
     model: str = Field("", description="Which of the simulator's models; left out, named after the simulator.")
     options: dict[str, Any] = Field(default_factory=dict, description="The model's options.")
-    fixed: dict[str, float] = Field(default_factory=dict, description="Values that are not searched.")
+    fixed: dict[str, FiniteFloat] = Field(default_factory=dict, description="Values that are not searched.")
     signals: list[SignalEntry] = Field(
         default_factory=list, description="What is driven and observed; left out, the simulator's own signals."
     )
@@ -132,6 +132,7 @@ def load_signal_task(content: Mapping[str, Any], path: Path) -> Task:
 def _task(file: SignalTaskFile, folder: Path) -> Task:
     own = installed().find("simulator", file.simulator).entry.domain
     signals = tuple(entry.signal() for entry in file.signals)
+    _check_names([signal.name for signal in signals], "signals")
     domain = own or (Domain(file.simulator) if signals else CELL)
     wanted = signals or domain.signals
     notes: list[str] = []
@@ -139,7 +140,7 @@ def _task(file: SignalTaskFile, folder: Path) -> Task:
         tuple(_experiment(record, wanted, folder, notes) for record in records)
         for records in (file.records, file.held_out)
     )
-    _check_names([experiment.name for experiment in (*experiments, *held_out)])
+    _check_names([experiment.name for experiment in (*experiments, *held_out)], "records")
     return Task(
         file.name,
         CellModel("", file.model or file.simulator, file.options, file.fixed),
@@ -154,11 +155,11 @@ def _task(file: SignalTaskFile, folder: Path) -> Task:
     )
 
 
-def _check_names(names: Sequence[str]) -> None:
-    """Raise `BsaError` if two records have one name: errors and curves are told by it."""
+def _check_names(names: Sequence[str], what: str) -> None:
+    """Raise `BsaError` if two records or signals have one name: errors and curves are told by it."""
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
-        raise BsaError(f'{names.count(twice)} records are named "{twice}".', "give each a name of its own: name: ...")
+        raise BsaError(f'{names.count(twice)} {what} are named "{twice}".', "give each a name of its own: name: ...")
 
 
 def _experiment(record: SignalRecord, signals: Sequence[Signal], folder: Path, notes: list[str]) -> Experiment:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, Field, FiniteFloat, model_validator
 from scipy.constants import zero_Celsius
 
 from ...core.encoding import decode_task
@@ -77,7 +77,7 @@ class TaskFile(BaseModel, extra="forbid"):
     parameter_set: str = Field(description="PyBaMM parameter set to start from.")
     model: str = Field("DFN", description="SPM, SPMe or DFN.")
     options: dict[str, Any] = Field(default_factory=dict, description="PyBaMM model options.")
-    overrides: dict[str, float] = Field(
+    overrides: dict[str, FiniteFloat] = Field(
         default_factory=dict, description="Values that replace those of the set and are not searched."
     )
     ocp: str = Field(

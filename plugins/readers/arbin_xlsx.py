@@ -16,9 +16,9 @@ from ...core.reading.joining import joined
 from ...core.reading.samples import Samples
 from ...core.record import ReadOptions
 from .assembly import read_table
-from .columns import signal_of, split_name
+from .columns import EXTRA, named, signal_of, split_name
 from .source import decoding, refuse_zip_bomb
-from .table import Table
+from .table import Table, are_units, have_decimal_commas
 
 SUFFIXES = (".xlsx", ".xlsm", ".xls")
 
@@ -78,12 +78,9 @@ def _tables(book: Any, name: str, options: ReadOptions) -> list[Table]:
     found: dict[str, Table] = {}
     for title in titles if options.sheet is None else _meant(options.sheet, titles, name):
         sheet = book.get_sheet_by_name(title)
-        rows = ((number, [_text(value) for value in values]) for number, values in enumerate(_rows(sheet), 1))
-        header = _header(rows, options)
+        header = _header(_cells(sheet, 0), options)
         if header is not None and (options.sheet is not None or not _is_statistics(title, header[1])):
-            number, names = header
-            place = f"sheet {shown(title)}, "
-            found[title] = Table(name, names, None, partial(_cells, sheet, number), ",", place=place)
+            found[title] = _table(sheet, *header, name, f"sheet {shown(title)}, ")
     if not found:
         raise BsaError(
             f"{name} has no sheet with columns for time, voltage and current (sheets: {listed(titles)}).",
@@ -99,6 +96,15 @@ def _tables(book: Any, name: str, options: ReadOptions) -> list[Table]:
             f'choose one with --sheet "{shown(channels[0])}", or say --join if all are of one cell.',
         )
     return list(found.values())
+
+
+def _table(sheet: Any, number: int, names: tuple[str, ...], source: str, place: str) -> Table:
+    """The rows below the one of names, and the units that may stand between."""
+    below, first = next(_cells(sheet, number), (number, []))
+    units = tuple(first[: len(names)]) if are_units(first, names) else None
+    cells = partial(_cells, sheet, number if units is None else below)
+    comma = have_decimal_commas(row for _, row in cells())
+    return Table(source, names, units, cells, ",", comma, place)
 
 
 def _meant(wanted: str, titles: Sequence[str], name: str) -> list[str]:
@@ -152,7 +158,8 @@ def _header(rows: Iterator[tuple[int, list[str]]], options: ReadOptions) -> tupl
     said = options.signal_columns.values()
     for number, names in rows:
         signals = {signal_of(name) for name in names if name}
-        if {"time", "voltage"} <= signals or (said and all(wanted in names for wanted in said)):
+        timed = "time" in signals or named(names, EXTRA["date"]) is not None
+        if (timed and "voltage" in signals) or (said and all(wanted in names for wanted in said)):
             return number, tuple(names)
         if options.sheet is not None and sum(bool(name) for name in names) >= 3:
             # The user says that this is the sheet: `resolve` then lists the columns it has.
@@ -163,7 +170,7 @@ def _header(rows: Iterator[tuple[int, list[str]]], options: ReadOptions) -> tupl
 
 
 def _cells(sheet: Any, header: int) -> Iterator[tuple[int, list[str]]]:
-    """The rows below the header that are not blank."""
+    """The rows below one (0 for all) that are not blank."""
     for number, values in enumerate(_rows(sheet), 1):
         cells = [_text(value) for value in values] if number > header else []
         if any(cells):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...core.errors import BsaError
 from ...core.trajectory import FloatArray
 from .source import MAX_SAMPLES
-from .table import Numbers, no_number, no_row, row_conditions, same
+from .table import FIRST_ROWS, Numbers, first_filled, no_number, no_row, number_in, row_conditions, same
 
 
 @dataclass(frozen=True)
@@ -19,14 +19,14 @@ class ArrayTable:
 
     source: str  # Printable name of the file.
     header: tuple[str, ...]  # Names of the columns.
-    # Numbers, texts or any objects; a cell that is None or blank is missing. Shape (n,).
+    # Numbers, texts or any objects; a cell that is None, blank or none of pandas is missing. Shape (n,).
     columns: Sequence[NDArray[Any]]
     units: ClassVar[tuple[str, ...] | None] = None  # There is no row of units; see `Table`.
     decimal_comma: ClassVar[bool] = False
 
     def first(self, place: int) -> str:
-        """The first cell of a column."""
-        return next(iter(_texts(self.columns[place][:1])), "")
+        """The first cell of a column that holds something; see `Table.first`."""
+        return first_filled(_texts(self.columns[place][:FIRST_ROWS]))
 
     def numbers(self, wanted: Mapping[int, str], where: Mapping[str, str], texts: Sequence[int] = ()) -> Numbers:
         """Read columns; see `Table.numbers`."""
@@ -60,13 +60,11 @@ class ArrayTable:
 def _number(cell: Any) -> float | None:
     """A cell as a number, NaN where it is empty; None where it is anything else."""
     try:
-        return float("nan") if cell is None or cell == "" else float(cell)
+        return float(cell)
     except (TypeError, ValueError):
-        return None
+        return number_in(str(cell), decimal_comma=False)
 
 
 def _texts(column: NDArray[Any]) -> list[str]:
-    """The cells as they would be written; an absent one is empty."""
-    if column.dtype.kind == "M":
-        return ["" if cell == "NaT" else cell for cell in np.datetime_as_string(column).tolist()]
-    return ["" if cell is None else str(cell) for cell in column.tolist()]
+    """The cells as they would be written."""
+    return list(map(str, np.datetime_as_string(column) if column.dtype.kind == "M" else column.tolist()))

@@ -15,12 +15,12 @@ from ...core.record import ReadOptions
 from ...core.trajectory import FloatArray
 from .arrays import ArrayTable
 from .columns import EXTRA, Column, ambient_in, may_be_temperatures, named, resolve, unit_of
-from .dates import clock_s, elapsed_s, exchanged, is_clock_or_date, is_date, is_of_days, seconds_of
+from .dates import clock_s, elapsed_s, exchanged, is_clock_or_date, is_date, is_of_days, seconds_of, since_first
 from .impedance_columns import are_points, spectrum_columns
 from .several_cells import refuse_several_cells, telling_cells
 from .state_sign import NAMES as STATES
 from .state_sign import with_signs
-from .table import Numbers, Table
+from .table import Numbers, Table, first_filled, numbers_in
 
 _COULOMB = ("c", "coulomb", "as", "a.s")
 """Units of a charge in ampere seconds, folded."""
@@ -102,7 +102,7 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
         day_first=times.day_first,
         extra=extra,
     )
-    return _without_spectra(samples, [numbers(read.texts[place], table.decimal_comma) for place in of_spectra])
+    return _without_spectra(samples, [numbers_in(read.texts[place], table.decimal_comma) for place in of_spectra])
 
 
 def _without_spectra(samples: Samples, impedance: Sequence[FloatArray]) -> Samples:
@@ -132,8 +132,8 @@ def _times_in_words(
 ) -> _Times:
     """Times that are clocks or dates; ``beside`` are the dates of a column beside them."""
     seconds, dates = elapsed_s(texts, source, column.name, beside)
-    note = f'the time is that of column "{shown(column.name)}", which begins at {shown(texts[0])}.'
-    if clock_s(next((text for text in texts if text), "")) is None:  # they are dates themselves
+    note = f'the time is that of column "{shown(column.name)}", which begins at {shown(first_filled(texts))}.'
+    if clock_s(first_filled(texts)) is None:  # they are dates themselves
         beside, texts_beside = dates, texts
     dates = beside if dates is None else dates
     return _dated(_Times(seconds, {}, None, (note,)), dates, beside, texts_beside)
@@ -143,7 +143,7 @@ def _times_in_numbers(values: FloatArray, beside: FloatArray | None, texts_besid
     """Times in seconds, or in seconds since 1970, which are dates; ``beside`` are those of a column beside them."""
     if not is_date(values):
         return _dated(_Times(values, {}), beside, beside, texts_beside)
-    return _dated(_Times(values - values[0], {}), values if beside is None else beside, beside, texts_beside)
+    return _dated(_Times(since_first(values), {}), values if beside is None else beside, beside, texts_beside)
 
 
 def _dated(times: _Times, dates: FloatArray | None, written: FloatArray | None, texts: Sequence[str]) -> _Times:
@@ -181,7 +181,7 @@ def _notes_on_temperatures(table: AnyTable, taken: Container[int]) -> Iterator[s
     places = [
         k
         for k in may_be_temperatures(table.header, taken)
-        if np.isfinite(numbers([table.first(k)], table.decimal_comma)).all()
+        if np.isfinite(numbers_in([table.first(k)], table.decimal_comma)).all()
     ]
     if places:
         names = [table.header[k] for k in places]
@@ -207,7 +207,7 @@ def _extra(table: AnyTable, places: Mapping[Extra, int], read: Numbers) -> dict[
     found: dict[Extra, FloatArray] = {}
     for name, place in places.items():
         texts = read.texts[place]
-        values = seconds_of(texts) if name == "date" else numbers(texts, table.decimal_comma)
+        values = seconds_of(texts) if name == "date" else numbers_in(texts, table.decimal_comma)
         if values is None or not np.isfinite(values).any():
             continue
         found[name] = values / _per_ah(unit_of(table.header, table.units, place)) if name.endswith("_ah") else values
@@ -245,20 +245,7 @@ def told_apart_by(
     return tuple(found)
 
 
-def numbers(texts: Sequence[str], decimal_comma: bool) -> FloatArray:
-    """Cells as numbers; NaN where one is none."""
-    return np.array([_number(text.replace(",", ".") if decimal_comma else text) for text in texts])
-
-
-def _number(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        return float("nan")
-    return value if abs(value) < 1e15 else float("nan")
-
-
 def kelvin(column: Column, texts: Sequence[str], decimal_comma: bool) -> FloatArray:
     """A column of temperatures in K; NaN where a cell holds none."""
-    values = numbers(texts, decimal_comma)
+    values = numbers_in(texts, decimal_comma)
     return column.in_si(np.where(np.abs(values) < 1e3, values, np.nan))

@@ -17,8 +17,8 @@ from ...core.record import ReadOptions, Record
 from ...core.trajectory import SECONDS_PER_HOUR, FloatArray, Trajectory, drawn_between
 from .arrays import ArrayTable
 from .assembly import read_table
-from .generic_csv import GenericCsv, first_lines, is_text_table
-from .source import decoding, refuse_large
+from .generic_csv import GenericCsv
+from .source import decoding, first_lines, is_text_table, refuse_large
 
 _LABELS = re.compile(r"^(test time|voltage|current) / \S+$")
 _MACHINE = re.compile(r"^(test_time_(second|hour|minute)|voltage_(milli)?volt|current_(milli)?ampere)$")

@@ -196,8 +196,8 @@ def _is_modulus(name: str) -> bool:
 
 def unit_of(header: Sequence[str], units: Sequence[str] | None, place: int) -> str | None:
     """The unit of a column as written: in its name, else in the row of units beneath the header."""
-    beneath = units[place].strip(" []()") if units is not None and place < len(units) else ""
-    return split_name(header[place])[1] or beneath or None
+    beneath = units[place] if units is not None and place < len(units) else ""
+    return split_name(header[place])[1] or unicodedata.normalize("NFKC", beneath).strip(" []()") or None
 
 
 def ambient_in(header: Sequence[str], units: Sequence[str] | None) -> tuple[Column | None, str]:

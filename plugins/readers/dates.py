@@ -10,11 +10,15 @@ import numpy as np
 from ...core.errors import BsaError
 from ...core.printable import shown
 from ...core.trajectory import FloatArray
+from .table import first_filled, is_missing, numbers_in
 
 YEARS_S = (631152000.0, 4102444800.0)
 """1990 and 2100, in seconds since 1970: a number outside is no date of a measurement."""
 
 _DAY = re.compile(r"(?P<a>\d+)(?P<mark>[-/.])(?P<b>\d+)[-/.]\d+")
+_NAMED_DAY = re.compile(r"\d{1,2}[- ][A-Za-z]{3,9}[- ]\d{2,4}\b")
+"""A date with the name of its month, as MATLAB writes it: ``13-Mar-2024 10:00:00``."""
+
 _MOST_DAYS, _MOST_MONTHS = 31, 12
 
 _ISO = re.compile(r"\d{4}-\d\d-\d\d")
@@ -32,7 +36,7 @@ def clock_s(text: str) -> float | None:
 
 def is_clock_or_date(text: str) -> bool:
     """Whether a cell is a time in hours, minutes and seconds, or begins like a date; numbers are neither."""
-    return clock_s(text) is not None or _DAY.match(text.strip()) is not None
+    return clock_s(text) is not None or any(way.match(text.strip()) for way in (_DAY, _NAMED_DAY))
 
 
 def is_date(numbers: FloatArray) -> bool:
@@ -50,32 +54,31 @@ def elapsed_s(
     changes are times of the day. NaN where a cell holds nothing. Raises `BsaError` where the month could be the day,
     and another time would pass then.
     """
-    first = next((text for text in texts if text), "")
+    first = first_filled(texts)
     if clock_s(first) is not None:
         clock = np.array([np.nan if (value := clock_s(text)) is None else value for text in texts])
         if date is None or not _is_time_of_day(clock, date):
             return clock, None if date is None or is_of_days(date) else date  # a day alone orders no samples
         date = date + clock
-        return date - date[0], date
+        return since_first(date), date
     dates = seconds_of(texts)
     if dates is None:
         raise BsaError(
             f'{source}: column "{shown(column)}" holds no times that are understood (the first is "{shown(first)}").',
             "write them in seconds, as 26:10:00.5, or as 2024-03-01 10:00:00.",
         )
-    since = _since_first(dates)
-    if not _says_its_order(first):
-        other = _read(texts, day_first=not _day_first(first), first=first)
-        if other is not None and not np.allclose(_since_first(other), since, equal_nan=True):
-            raise BsaError(
-                f'{source}: column "{shown(column)}" does not tell the month from the day ("{shown(first)}"), and '
-                "another time would pass.",
-                "write dates as 2024-03-01 10:00:00, or give a column of the time that has passed.",
-            )
+    since, (_, other) = since_first(dates), exchanged(texts)
+    if other is not None and not np.allclose(since_first(other), since, equal_nan=True):
+        raise BsaError(
+            f'{source}: column "{shown(column)}" does not tell the month from the day ("{shown(first)}"), and '
+            "another time would pass.",
+            "write dates as 2024-03-01 10:00:00, or give a column of the time that has passed.",
+        )
     return since, dates
 
 
-def _since_first(dates: FloatArray) -> FloatArray:
+def since_first(dates: FloatArray) -> FloatArray:
+    """The time since the first date that is known."""
     return np.asarray(dates - dates[np.isfinite(dates)][0])
 
 
@@ -85,7 +88,9 @@ def is_of_days(date: FloatArray) -> bool:
 
 
 def _is_time_of_day(clock: FloatArray, date: FloatArray) -> bool:
-    """Whether clocks beside dates without a time fall where the day changes, and nowhere else."""
+    """Whether clocks beside dates without a time, which most rows have, fall where the day changes and nowhere else."""
+    if 2 * np.count_nonzero(np.isfinite(date)) < len(date):
+        return False
     with np.errstate(invalid="ignore"):
         return is_of_days(date) and bool(np.all((np.diff(clock) < 0.0) == (np.diff(date) > 0.0)))
 
@@ -105,17 +110,18 @@ def _says_its_order(first: str) -> bool:
 def seconds_of(texts: Sequence[str]) -> FloatArray | None:
     """Dates as seconds since 1970, NaN where a cell holds none; None where the column holds no dates.
 
-    The cells of one column are written alike: numbers (seconds since 1970), ISO 8601, or a date of which the month
-    comes before the day unless it cannot (``3/11/2017 8:47:03 AM``) or they are parted by points (``11.3.2017``).
+    The cells of one column are written alike: numbers (seconds since 1970), ISO 8601, a date with the name of its month
+    (``11-Mar-2017``), or one of which the month comes before the day (``3/11/2017 8:47:03 AM``) unless a number above
+    12 tells otherwise or they are parted by points (``11.3.2017``).
     """
-    first = next((text for text in texts if text), "")
+    first = first_filled(texts)
     try:
         float(first)
     except ValueError:
-        day_first = _day_first(first)
+        day_first = _day_told_first(texts) or _day_first(first)
         read = _read(texts, day_first, first)
         return _read(texts, not day_first, first) if read is None else read
-    numbers = np.array([_number(text) for text in texts])
+    numbers = numbers_in(texts, decimal_comma=False)
     return numbers if is_date(numbers) else None
 
 
@@ -124,25 +130,23 @@ def exchanged(texts: Sequence[str]) -> tuple[bool | None, FloatArray | None]:
 
     The first is None where no date tells it; the second is None where one does, or the way of writing.
     """
+    told, first = _day_told_first(texts), next(filter(_DAY.match, map(str.strip, texts)), "")
+    open_to_both = told is None and bool(first) and not _says_its_order(first)
+    return told, _read(texts, day_first=True, first=first) if open_to_both else None
+
+
+def _day_told_first(texts: Sequence[str]) -> bool | None:
+    """Whether numbers above 12 tell that the day comes first; None where none does, or the way of writing tells it."""
     days = [day for text in texts if (day := _DAY.match(text.strip()))]
     if not days or _says_its_order(days[0].string):
-        return None, None
+        return None
     most_a, most_b = (max(int(day[key]) for day in days) for key in ("a", "b"))
-    if max(most_a, most_b) > _MOST_MONTHS:
-        return most_a > _MOST_MONTHS, None
-    return None, _read(texts, day_first=True, first=days[0].string)
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return np.nan
+    return most_a > _MOST_MONTHS if max(most_a, most_b) > _MOST_MONTHS else None
 
 
 def _read(texts: Sequence[str], day_first: bool, first: str) -> FloatArray | None:
     """Dates as seconds since 1970; None if they cannot be read so."""
-    if not _DAY.search(first):
+    if not (_DAY.search(first) or _NAMED_DAY.match(first.strip())):
         return None
     import pandas
 
@@ -151,7 +155,7 @@ def _read(texts: Sequence[str], day_first: bool, first: str) -> FloatArray | Non
         how: dict[str, Any] = {"format": "ISO8601"} if _ISO.match(first) else {"dayfirst": day_first}
         dates = pandas.to_datetime(list(texts), errors="coerce", utc=True, **how)
     values = np.where(dates.isna(), np.nan, (dates - pandas.Timestamp(0, tz="UTC")) / pandas.Timedelta(seconds=1))
-    written = np.array([bool(text) for text in texts])
+    written = np.array([not is_missing(text) for text in texts])
     if np.count_nonzero(np.isfinite(values)) > 0.99 * np.count_nonzero(written):
         return values if is_date(values) else None
     return None

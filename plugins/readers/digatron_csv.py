@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from .generic_csv import GenericCsv, first_lines, is_text_table
+from .generic_csv import GenericCsv
+from .source import first_lines, is_text_table
 
 
 class DigatronCsv(GenericCsv):

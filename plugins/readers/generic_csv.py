@@ -10,11 +10,11 @@ from ...core.spectrum import ImpedanceSpectrum
 from .assembly import read_table
 from .columns import NAMES, named
 from .gamry import gamry_table
+from .impedance import spectrum_of
+from .impedance_columns import spectrum_columns
 from .layered import layered_table
-from .source import head, load_text
+from .source import is_text_table, load_text
 from .table import Table, find_table
-
-SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".bdf", ".mpt", ".dta")
 
 
 class GenericCsv:
@@ -29,7 +29,7 @@ class GenericCsv:
         return is_text_table(path)
 
     def read(self, path: Path, options: ReadOptions) -> Samples | ImpedanceSpectrum:
-        """Read the table; see `Reader.read`. It is a spectrum where the options name columns of one."""
+        """Read the table; see `Reader.read`. It may be a spectrum that `ImpedanceCsv` did not recognise."""
         source = shown(path.name)
         if options.sheet is not None:
             raise BsaError(
@@ -38,28 +38,15 @@ class GenericCsv:
             )
         text, notes = load_text(path)
         table = layered_table(text, source) or gamry_table(text, source, options) or find_table(text, source)
-        if _is_named_a_spectrum(table, options):
-            from .impedance import spectrum_of  # which reads such tables too, and takes what is below from here
-
+        if _is_spectrum(table, options):
             return spectrum_of(table, options, notes=notes)
         return read_table(table, options, notes)
 
 
-def _is_named_a_spectrum(table: Table, options: ReadOptions) -> bool:
-    """Whether the options name columns of an impedance that the table has, or that can be meant in it alone."""
+def _is_spectrum(table: Table, options: ReadOptions) -> bool:
+    """Whether the options name columns of an impedance that the table has, or it has no time and is meant to be one."""
     said = set(options.impedance_columns.values())
-    return bool(said) and (not said.isdisjoint(table.header) or named(table.header, NAMES["time"]) is None)
-
-
-def is_text_table(path: Path) -> bool:
-    """Whether the name, without ``.gz``, ends like that of a text table."""
-    plain = Path(path.stem) if path.suffix.lower() == ".gz" else path
-    return plain.suffix.lower() in SUFFIXES and path.is_file()
-
-
-def first_lines(path: Path, count: int) -> list[str]:
-    """The first lines of a text file, for a reader's ``matches``; none of a binary one."""
-    data = head(path)
-    if b"\0" in data:
-        return []
-    return data.decode("utf-8-sig", errors="replace").splitlines()[:count]
+    if not said.isdisjoint(table.header):
+        return True
+    meant = bool(said) or spectrum_columns(table.header, {}) is not None
+    return meant and named(table.header, NAMES["time"]) is None

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Literal
 
@@ -16,18 +17,17 @@ from ...core.reading.samples import Mask
 from ...core.record import ReadOptions
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.trajectory import FloatArray
-from .assembly import AnyTable, kelvin, numbers, told_apart_by
+from .assembly import AnyTable, kelvin, told_apart_by
 from .columns import NAMES, Column, ambient_in, half_cell, named, unit_of
 from .gamry import gamry_spectrum, is_gamry_s
-from .generic_csv import first_lines, is_text_table
 from .impedance_columns import SpectrumColumns, are_points, base_of, is_of_a_record, spectrum_columns
-from .source import load_text
-from .table import Numbers, find_table, no_column, split
+from .source import first_lines, is_text_table, load_text
+from .table import Numbers, find_table, no_column, numbers_in, split
 
 _HEAD_LINES = 120
 """First lines of a file, among which the names of a spectrum's columns are looked for."""
 
-_SEPARATORS = "[;,\t]"
+_SEPARATORS = ";\t,"
 
 _MIN_POINTS = 5
 """A spectrum of fewer points is refused."""
@@ -78,14 +78,13 @@ class ImpedanceCsv:
         lines = first_lines(path, _HEAD_LINES) if is_text_table(path) else []
         if is_gamry_s("".join(lines[:1])):
             return gamry_spectrum(load_text(path)[0], path.name) is not None
-        for place, line in enumerate(lines):
-            header = re.split(_SEPARATORS, line)
+        for (place, line), separator in product(enumerate(lines), _SEPARATORS):
+            header = split(line, separator)
             columns = spectrum_columns(header, {})
             if columns is not None:
-                separator = max(_SEPARATORS[1:-1], key=line.count)
                 rows = [split(row, separator) for row in lines[place + 1 :]]
                 cells = [row[columns.frequency] for row in rows if len(row) > columns.frequency]
-                return not is_of_a_record(header, numbers(cells, decimal_comma=True))
+                return not is_of_a_record(header, numbers_in(cells, decimal_comma=True))
         return False
 
     def read(self, path: Path, options: ReadOptions) -> ImpedanceSpectrum:
@@ -110,7 +109,7 @@ def spectrum_of(
     wanted = [columns.frequency, columns.first, columns.second]
     beside = [voltage, None if ambient is None else ambient.index]
     read = table.numbers({}, options.where, [*wanted, *(place for place in beside if place is not None)])
-    frequency, first, second = (numbers(read.texts[place], True) for place in wanted)
+    frequency, first, second = (numbers_in(read.texts[place], table.decimal_comma) for place in wanted)
     kept = are_points(frequency, first, second)
     said = [*notes, *read.notes]
     if unknown and options.ambient_c is None:
@@ -132,7 +131,9 @@ def spectrum_of(
         impedance = scale * first[kept] * np.exp(1j * sign * radians * second[kept])
         note += of_phase
     else:
-        impedance = scale * np.asarray(first[kept] + 1j * sign * second[kept], dtype=np.complex128)
+        own = unit is None and _unit(table, columns.second) is not None
+        other = _ohms(table, columns.second, None)[0] if own else scale
+        impedance = np.asarray(scale * first[kept] + 1j * sign * other * second[kept], dtype=np.complex128)
     if impedance.imag[np.argmin(frequency[kept])] > 0:
         impedance = impedance.conj()
         said.append("the imaginary part is positive at the lowest frequency; it was taken to be -Im(Z) and turned.")
@@ -141,10 +142,10 @@ def spectrum_of(
         unit_v = unit_of(table.header, table.units, voltage)
         column = Column("voltage", voltage, table.header[voltage], None if unit_v is None else unit_v.casefold())
         if column.has_known_unit:
-            rest = _median(column.in_si(numbers(read.texts[voltage], True)))
+            rest = _median(column.in_si(numbers_in(read.texts[voltage], table.decimal_comma)))
         else:
             said.append(f'the unit of "{shown(column.name)}" is not known, and neither is the rest voltage.')
-    around = None if ambient is None else _first(kelvin(ambient, read.texts[ambient.index], True))
+    around = None if ambient is None else _first(kelvin(ambient, read.texts[ambient.index], table.decimal_comma))
     if options.ambient_c is not None:
         around = options.ambient_c + zero_Celsius
     return ImpedanceSpectrum(

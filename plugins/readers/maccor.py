@@ -10,8 +10,7 @@ from ...core.reading.samples import Samples
 from ...core.record import ReadOptions
 from .assembly import read_table
 from .dates import clock_s
-from .generic_csv import first_lines
-from .source import load_text
+from .source import first_lines, load_text
 from .table import Table, find_table
 
 _HEAD_LINES = 40

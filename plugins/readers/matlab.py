@@ -21,6 +21,7 @@ from .assembly import read_table
 from .columns import AMBIENT, named, signal_of
 from .dates import YEARS_S
 from .matlab_files import load
+from .table import same
 
 _MIN_ROWS = 2
 _SOC = ("refsoc", "soc", "stateofcharge")
@@ -191,7 +192,7 @@ def _chosen(tests: Sequence[_Test], options: ReadOptions, source: str) -> list[_
         test
         for test in tests
         if (options.sheet is None or _lies_at(test, options.sheet))
-        and all(test.fields.get(name) == options.where[name] for name in fields)
+        and all(same(test.fields.get(name, ""), options.where[name]) for name in fields)
     ]
     if len(found) == 1 or (found and options.join):
         return found

@@ -7,6 +7,7 @@ from itertools import pairwise
 from ...core.errors import BsaError
 from ...core.printable import counted, listed, shown
 from .columns import split_name
+from .table import is_missing
 
 _CELLS = (
     *("cell", "cellid", "cellname", "cellnumber", "cellno", "cellindex", "battery", "batteryid", "batteryname"),
@@ -39,7 +40,7 @@ def refuse_several_cells(header: Sequence[str], columns: Mapping[int, Sequence[s
     one cell.
     """
     for place, cells in columns.items():
-        filled = [cell.strip() for cell in cells if cell.strip()]
+        filled = [cell.strip() for cell in cells if not is_missing(cell)]
         values = list(dict.fromkeys(filled))
         if len(values) < 2 or len(filled) < _ROWS_EACH * len(values) or not all(map(_is_label, values)):
             continue

@@ -21,8 +21,13 @@ MAX_SAMPLES = 5_000_000
 
 _HEAD_BYTES = 65536
 
+_TEXT_TABLES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".bdf", ".mpt", ".dta")
+
 _CHINESE = ("电压", "电流")
 """Voltage and current: text that is not UTF-8 and holds either in GB 18030 is Chinese."""
+
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+"""How text in UTF-16 begins."""
 
 _ZIP = b"PK\x03\x04"
 """Beginning of a zip archive, whose table of contents is at its end."""
@@ -76,7 +81,7 @@ def refuse_zip_bomb(path: Path, source: str, kind: str, most: int) -> None:
         with zipfile.ZipFile(path) as package:
             parts = package.infolist()
     except OSError as error:
-        raise BsaError(f"{source} cannot be read: {shown(error.strerror)}.", "check the path and its rights.") from None
+        raise file_error(error, shown(path)) from None
     except (zipfile.BadZipFile, ValueError, NotImplementedError):
         if head(path).startswith(_ZIP):
             raise BsaError(
@@ -109,6 +114,19 @@ def head(path: Path) -> bytes:
         return b""
 
 
+def is_text_table(path: Path) -> bool:
+    """Whether the name, without ``.gz``, ends like that of a text table."""
+    plain = Path(path.stem) if path.suffix.lower() == ".gz" else path
+    return plain.suffix.lower() in _TEXT_TABLES and path.is_file()
+
+
+def first_lines(path: Path, count: int) -> list[str]:
+    """The first lines of a text file, for a reader's ``matches``; none of a binary one."""
+    data = head(path)
+    text = data.decode("utf-16" if data.startswith(_UTF_16) else "utf-8-sig", errors="replace")
+    return [] if "\0" in text else text.splitlines()[:count]
+
+
 def load_text(path: Path) -> tuple[str, list[str]]:
     """The whole file as text, with notes on how it was decoded.
 
@@ -123,7 +141,7 @@ def load_text(path: Path) -> tuple[str, list[str]]:
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise BsaError(f"{name} is a damaged gzip file ({shown(error)}).", "download or compress it again.") from None
     except OSError as error:
-        raise BsaError(f"{name} cannot be read: {shown(error.strerror)}.", "check the path and its rights.") from None
+        raise file_error(error, shown(path)) from None
     refuse_large(len(data), name, "cut it into smaller files, or thin it out first.")
     if not data.strip():
         raise BsaError(f"{name} is empty.", "export the record again.")
@@ -131,7 +149,7 @@ def load_text(path: Path) -> tuple[str, list[str]]:
 
 
 def _decoded(data: bytes, name: str) -> tuple[str, list[str]]:
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+    if data.startswith(_UTF_16):
         try:
             return data.decode("utf-16"), [f"{name} was read as UTF-16."]
         except UnicodeDecodeError:

@@ -25,7 +25,7 @@ def with_signs(current: FloatArray, states: Sequence[str], discharge_positive: b
     Parameters
     ----------
     current : ndarray of shape (n,)
-        Sizes, A.
+        Sizes, A; NaN where a cell is empty.
     states : sequence of str
         The state of each row. One that names neither charge nor discharge goes on with what was before.
     discharge_positive : bool
@@ -37,7 +37,7 @@ def with_signs(current: FloatArray, states: Sequence[str], discharge_positive: b
         Negative on discharge (or on charge, where that is said); None if the current has signs of its own, or no state
         names what would be negative.
     """
-    if not np.all(current >= 0.0):
+    if np.any(current < 0.0):
         return None
     signs = {state: _sign(state.strip().casefold()) for state in set(states)}
     negative = 1 if discharge_positive else -1

@@ -2,6 +2,7 @@
 
 import csv
 import re
+import unicodedata
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,16 +22,18 @@ _PREAMBLE_LINES = 200
 _SAYS_ITS_LENGTH = re.compile(r"Nb header lines\s*:\s*(\d{1,7})", re.IGNORECASE)
 """How EC-Lab's text files say how many lines their header has: one for each loop, and so hundreds."""
 
-_ROWS_OF_COMMAS = 50
-"""Rows of numbers among which one with a decimal comma is looked for: the first ones may be whole numbers."""
+FIRST_ROWS = 50
+"""Rows that are looked at for how a column is written: the first may be empty, or a whole number without a comma."""
 
 _SEPARATORS: tuple[str | None, ...] = (";", "\t", ",", None)
-_MISSING = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"})
+_COMMENTS = frozenset({"#", "%", "//"})
+_MISSING = frozenset({"", "nan", "nat", "na", "<na>", "n/a", "#n/a", "null", "none", "-", "--"})
 
 _UNITS = frozenset(
     [
-        *("s", "sec", "ms", "min", "h", "v", "mv", "v vs. ref.", "a", "ma", "ah", "mah", "c", "w", "mw", "wh", "mwh"),
-        *("°c", "degc", "deg c", "k", "°f", "degf", "ohm", "mohm", "hz", "%", "#", "bits"),
+        *("s", "sec", "ms", "min", "h", "v", "mv", "v vs. ref.", "a", "ma", "ua", "μa", "ah", "mah", "c", "w", "mw"),
+        *("wh", "mwh", "°c", "degc", "deg c", "k", "°f", "degf", "ohm", "mohm", "ω", "mω", "hz", "khz", "mhz", "%"),
+        *("#", "bits"),
     ]
 )
 """What a row of units holds that has no brackets, folded. Other words may be names."""
@@ -61,9 +64,8 @@ class Table:
     notes: tuple[str, ...] = ()  # What was done to make one table of the file.
 
     def first(self, place: int) -> str:
-        """The first cell of a column; empty where the row has none."""
-        cells = next(self.cells(), (0, []))[1]
-        return cells[place] if place < len(cells) else ""
+        """The first cell of a column that holds something, among the first rows; empty where none does."""
+        return first_filled(row[place] for _, row in islice(self.cells(), FIRST_ROWS) if place < len(row))
 
     def numbers(self, wanted: Mapping[int, str], where: Mapping[str, str], texts: Sequence[int] = ()) -> Numbers:
         """Read columns.
@@ -180,9 +182,19 @@ def is_number(cell: str) -> bool:
     return True
 
 
+def is_missing(cell: str) -> bool:
+    """Whether a cell is empty, or says that there is nothing."""
+    return cell.strip().casefold() in _MISSING
+
+
+def first_filled(cells: Iterable[str]) -> str:
+    """The first cell that holds something; empty where none does."""
+    return next((cell for cell in cells if not is_missing(cell)), "")
+
+
 def have_decimal_commas(rows: Iterable[Sequence[str]]) -> bool:
     """Whether one of the first rows of numbers has decimal commas."""
-    return any(map(_has_decimal_commas, islice(rows, _ROWS_OF_COMMAS)))
+    return any(map(_has_decimal_commas, islice(rows, FIRST_ROWS)))
 
 
 def _has_decimal_commas(cells: Sequence[str]) -> bool:
@@ -206,7 +218,7 @@ def _next(top: Sequence[Sequence[str]], index: int) -> Sequence[str]:
 
 def _is_of_words(cells: Sequence[str]) -> bool:
     """Whether a line has cells, of which none is or may be a number."""
-    return any(cells) and not any(is_number(cell) or cell.casefold() in _MISSING for cell in cells if cell)
+    return any(cells) and not any(is_number(cell) or is_missing(cell) for cell in cells if cell)
 
 
 def _is_of_names(cells: Sequence[str]) -> bool:
@@ -227,16 +239,22 @@ def _numeric(top: Sequence[Sequence[str]], index: int) -> bool:
 
 
 def _header(top: Sequence[Sequence[str]], first: int) -> tuple[tuple[str, ...], tuple[str, ...] | None]:
-    above = [cells for cells in top[:first] if len([cell for cell in cells if cell]) >= 2]
-    if len(above) >= 2 and len(above[-1]) == len(above[-2]) and _are_units(above[-1], above[-2]):
+    width = len(top[first])
+    above = [_uncommented(cells, width) for cells in top[:first] if len([cell for cell in cells if cell]) >= 2]
+    if len(above) >= 2 and len(above[-1]) == len(above[-2]) and are_units(above[-1], above[-2]):
         return _named(above[-2]), tuple(above[-1])
-    fits = above and abs(len(above[-1]) - len(top[first])) <= 1
+    fits = above and abs(len(above[-1]) - width) <= 1
     if fits and not all(map(is_number, filter(None, above[-1]))):
         return _named(above[-1]), None
-    return tuple(str(k + 1) for k in range(len(top[first]))), None
+    return tuple(str(k + 1) for k in range(width)), None
 
 
-def _are_units(cells: Sequence[str], names: Sequence[str]) -> bool:
+def _uncommented(cells: Sequence[str], width: int) -> Sequence[str]:
+    """A line above rows of a width, without a mark before it, such as that of ``# time voltage current``."""
+    return cells[1:] if len(cells) > width and cells[0] in _COMMENTS else cells
+
+
+def are_units(cells: Sequence[str], names: Sequence[str]) -> bool:
     """Whether a row beneath names holds units: all in brackets, or all known ones of columns with a name."""
     filled = [cell for cell in cells if cell]
     if all(cell[0] in "[(" and cell[-1] in "])" for cell in filled):
@@ -246,7 +264,7 @@ def _are_units(cells: Sequence[str], names: Sequence[str]) -> bool:
 
 
 def _are_known(units: Sequence[str]) -> bool:
-    return all(unit.casefold() in _UNITS for unit in units if unit)
+    return all(unicodedata.normalize("NFKC", unit).casefold() in _UNITS for unit in units if unit)
 
 
 def _named(cells: Sequence[str]) -> tuple[str, ...]:
@@ -339,8 +357,7 @@ def number_in(cell: str, decimal_comma: bool) -> float | None:
         return float(cell)
     except ValueError:
         pass
-    cell = cell.strip()
-    if cell.casefold() in _MISSING:
+    if is_missing(cell):
         return float("nan")
     if decimal_comma:
         try:
@@ -348,6 +365,12 @@ def number_in(cell: str, decimal_comma: bool) -> float | None:
         except ValueError:
             pass
     return None
+
+
+def numbers_in(cells: Iterable[str], decimal_comma: bool) -> FloatArray:
+    """Cells as numbers; NaN where one is none, or larger than any that is measured."""
+    found = np.array([np.nan if (value := number_in(cell, decimal_comma)) is None else value for cell in cells])
+    return np.where(np.abs(found) < 1e15, found, np.nan)
 
 
 def no_number(source: str, place: str, column: str, text: str, count: int, rows: int) -> BsaError:

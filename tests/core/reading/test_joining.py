@@ -88,10 +88,13 @@ def write(path, samples: Samples, header: str = "cycle,time_s,current_A,voltage_
 def test_a_folder_and_a_list_of_files_are_one_cell(tmp_path):
     for day in (3, 1, 2):
         write(tmp_path / f"cell_3_{day}_10.csv", cycle())
+    files = sorted(tmp_path.iterdir())
+    for name in (".DS_Store", "~$cell_3_1_10.xlsx"):  # of the system, and of a spreadsheet while a file is open
+        (tmp_path / name).write_bytes(b"\0")
     record = read_record(tmp_path)
     assert record.name == tmp_path.name
     assert record.trajectory.cycles == (1, 2, 3)
-    several = read_record(sorted(tmp_path.iterdir()))
+    several = read_record(files)
     assert several.name == "cell_3_1_10.csv and 2 more"
     np.testing.assert_array_equal(several.trajectory.time, record.trajectory.time)
 
@@ -214,3 +217,28 @@ def test_a_test_that_follows_another_in_a_file_counts_its_cycles_on():
         extra={"cycle": np.ones(2 * len(one)), "step": np.tile(step, 2)},
     )
     assert set(carried_on(twice, everything=True).extra["cycle"]) == {1.0, 2.0}
+
+
+def test_a_temperature_that_one_of_the_files_lacks_is_told():
+    warm = replace(cycle("a"), temperature=np.full(300, 298.15))
+    whole = to_record(joined([cycle("b"), warm], "cell"), ReadOptions())
+    assert whole.trajectory.temperature is None
+    assert any("has no number in 300 of 600 rows; it is not used" in note for note in whole.notes)
+
+
+def test_a_clock_that_goes_on_from_part_to_part_is_finer_than_dates_to_the_minute():
+    first = cycle("a", MARCH)
+    second = replace(cycle("b", MARCH + 9000.0), time=first.time + 9000.0)
+    parts = [
+        replace(part, extra={**part.extra, "date": np.floor(part.extra["date"] / 60.0) * 60.0})
+        for part in (first, second)
+    ]
+    np.testing.assert_allclose(np.diff(joined(parts, "cell").time), 30.0)
+
+
+def test_parts_that_alternate_may_begin_with_a_row_without_a_date():
+    whole = cycle("a", MARCH)
+    odd = np.arange(300) // 50 % 2 == 1
+    whole.extra["date"][0] = np.nan
+    found = joined([whole.kept(~odd), whole.kept(odd)], "cell")
+    np.testing.assert_allclose(found.time, whole.time)

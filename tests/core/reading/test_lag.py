@@ -71,3 +71,10 @@ def test_the_lag_that_is_given_is_taken_back() -> None:
     right = to_record(drive(0.0), ReadOptions()).trajectory
     assert np.max(np.abs(mended.trajectory.voltage - right.voltage)[:-1]) < 1e-3
     assert any("taken 1 s later" in note for note in mended.notes)
+
+
+def test_a_clock_of_whole_seconds_may_tick_once_for_two_samples() -> None:
+    current = np.tile([1.0, -1.0], 200)
+    samples = Samples("a", np.arange(400.0) // 2, 3.7 + 0.05 * current, current)
+    assert shown_lag(samples) is None
+    assert len(to_record(samples, ReadOptions()).trajectory) == 400

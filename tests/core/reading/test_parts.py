@@ -52,3 +52,13 @@ def test_a_part_of_a_few_samples_is_no_record() -> None:
     (only,) = parts_between_gaps(storage)
     assert len(only.trajectory) == 360
     assert "less than 10 samples" in only.notes[1]
+
+
+def test_a_first_part_of_a_few_samples_is_no_record_either() -> None:
+    begun = record((0.0, 10.0, 1.0), (9000.0, 600.0, 0.0), (9600.0, 600.0, 1.0))
+    (only,) = parts_between_gaps(begun)
+    assert (only.name, only.trajectory.time[0], len(only.trajectory)) == ("r.csv", 9000.0, 120)
+    assert "less than 10 samples are left out" in only.notes[1]
+    loaded = record((0.0, 50.0, 1.0), (9000.0, 600.0, 1.0), (18000.0, 50.0, 1.0))
+    (only,) = parts_between_gaps(loaded)
+    assert (only.trajectory.time[0], len(only.trajectory)) == (9000.0, 60)

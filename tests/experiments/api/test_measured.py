@@ -81,6 +81,23 @@ def test_a_missing_cell_is_repaired_as_in_a_file() -> None:
     assert any("6" in note for note in record.notes)
 
 
+@pytest.mark.parametrize("nothing", [pd.NA, None, "n/a", "-", "  "])
+def test_what_says_that_there_is_nothing_is_a_missing_cell(nothing) -> None:
+    data = frame().astype(object)
+    data.loc[5, "voltage"] = nothing
+    record = bsa.read_record(data)
+    assert len(record.trajectory) == 99
+    assert any("1 sample without a value was left out (row 6)" in note for note in record.notes)
+
+
+@pytest.mark.parametrize("zone", [None, "Europe/Berlin"])
+def test_a_first_row_without_a_date_is_left_out(zone) -> None:
+    dates = pd.date_range("2024-03-01", periods=100, freq="10s", tz=zone)
+    record = bsa.read_record(frame(time=[pd.NaT, *dates[1:]]))
+    assert len(record.trajectory) == 99
+    assert record.trajectory.duration == 980.0
+
+
 @pytest.mark.parametrize("function", [bsa.calibrate, bsa.discover])
 def test_an_empty_list_of_records_is_refused_in_a_line(function) -> None:
     with pytest.raises(BsaError, match="data is empty"):

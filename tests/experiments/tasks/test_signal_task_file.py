@@ -149,6 +149,7 @@ def test_what_is_wrong_is_told_with_its_key(before: str, after: str, message: st
         ("role: driven", "role: drives", "\"signals.0.role\" is 'drives'"),
         ("name: displacement", "name: Displacement", 'named "Displacement"'),
         ("unit: m,", "units: m,", '"signals.1.units" is not a known key'),
+        ("name: force", "name: displacement", '2 signals are named "displacement"'),
     ],
 )
 def test_what_is_wrong_with_a_signal_is_told(before: str, after: str, message: str) -> None:

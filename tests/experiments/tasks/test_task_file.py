@@ -55,3 +55,17 @@ def test_a_temperature_that_is_given_is_not_guessed(tmp_path: Path, said: bool) 
     loaded = load_task_file(tmp_path / "task.yaml")
     assert any("ambient temperature is taken" in note for note in loaded.notes) != said
     assert loaded.experiments[0].temperature_k == pytest.approx(293.15 if said else 298.15)
+
+
+@pytest.mark.parametrize(
+    ("entry", "more", "message"),
+    [
+        ("data: []", "", "no file is given"),
+        ("data: first.csv", "overrides: {Negative electrode porosity: .nan}\n", 'porosity" is nan: a finite number'),
+    ],
+)
+def test_what_cannot_be_read_or_simulated_is_told(folder: Path, entry: str, more: str, message: str) -> None:
+    text = f"name: a\nparameter_set: Chen2020\nsearch: geometry\n{more}experiments: [{{{entry}}}]\n"
+    (folder / "wrong.yaml").write_text(text, encoding="utf-8")
+    with pytest.raises(BsaError, match=message):
+        load_task_file(folder / "wrong.yaml")

@@ -135,3 +135,8 @@ def test_columns_that_may_be_the_temperature_are_named(tmp_path, name, told):
     found = read_record(path)
     assert found.trajectory.temperature is None
     assert any("may be (--column" in note and name in note for note in found.notes) == told
+
+
+def test_a_row_of_units_may_hold_microamperes(tmp_path):
+    path = written(tmp_path / "a.csv", "t,U,I\ns,V,µA", SECONDS, VOLTS, np.full(100, -2e3))
+    np.testing.assert_allclose(read_record(path).trajectory.current, 2e-3)

@@ -75,7 +75,7 @@ def test_indented_lines_alone_make_no_layers(tmp_path):
     np.testing.assert_allclose(samples(tmp_path, lines).voltage, [4.2, 4.1, 4.0])
 
 
-@pytest.mark.parametrize("units", ["s;V;mA;;°C", "s;;mA;;", ";V;mA;#;deg C"])
+@pytest.mark.parametrize("units", ["s;V;mA;;°C", "s;;mA;;", ";V;mA;#;deg C", "s;V;mA;;℃"])
 def test_a_row_of_units_needs_no_brackets(tmp_path, units):
     rows = (f"{time};{voltage};-500;REST;25" for time, voltage in zip(SECONDS, VOLTS, strict=True))
     found = samples(tmp_path, ["Zeit;Spannung;Strom;Zustand;Temperatur", units, *rows])
@@ -162,3 +162,15 @@ def test_a_first_row_before_one_without_numbers_is_not_dropped(second):
     table = find_table("\n".join([*RECORD[:2], second, *RECORD[3:]]), "a")
     assert table.header == ("test_time", "voltage", "current", "step")
     assert next(number for number, _ in table.cells()) == 2
+
+
+@pytest.mark.parametrize("mark", ["#", "%", "//"])
+def test_a_mark_before_the_names_moves_none_of_them(tmp_path, mark):
+    """`numpy.savetxt` writes one: each name had stood for the column beside its own."""
+    rows = [f"{time} {voltage} -0.5 {voltage}" for time, voltage in zip(SECONDS, VOLTS, strict=True)]
+    found = samples(tmp_path, [f"{mark} time U I Uset", *rows])
+    np.testing.assert_allclose([found.time, found.voltage], [SECONDS, VOLTS])
+    np.testing.assert_allclose(samples(tmp_path, [f"{mark} n U I t", *rows], options=NUMBERED).time, VOLTS)
+
+
+NUMBERED = ReadOptions(columns={"time": "t"})

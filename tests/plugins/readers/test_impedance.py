@@ -280,3 +280,27 @@ def test_a_spectrum_with_decimal_commas_and_the_columns_of_a_record_is_no_record
     path = tmp_path / "peis.txt"
     path.write_text("\n".join(["time/s\tEwe/V\tI/mA\tfreq/Hz\tRe(Z)/Ohm\t-Im(Z)/Ohm", *rows]))
     assert isinstance(read_file(path), ImpedanceSpectrum)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "encoding"),
+    [
+        ("quoted.csv", table('"Frequency (Hz)","Z\' (Ohm)","Z\'\' (Ohm)"'), "utf-8"),
+        ("wide.csv", table("Frequency [Hz],Zreal [ohm],Zimag [ohm]"), "utf-16"),
+        ("symbols.csv", table("f,Zre,Zim\nHz,Ω,Ω"), "utf-8"),
+        ("ohm_sign.csv", table("f,Zre,Zim\nHz,m\u2126,m\u2126", unit=1e3), "utf-8"),
+        ("spaces.txt", table("# freq re im", separator=" "), "utf-8"),
+    ],
+)
+def test_names_in_quotation_marks_symbols_of_units_and_text_of_any_kind(tmp_path, name, text, encoding):
+    (tmp_path / name).write_text(text, encoding=encoding)
+    spectrum = read_file(tmp_path / name)
+    np.testing.assert_allclose(spectrum.impedance, IMPEDANCE)
+
+
+def test_both_parts_have_units_of_their_own(tmp_path):
+    rows = zip(FREQUENCY, 1e3 * IMPEDANCE.real, IMPEDANCE.imag, strict=True)
+    lines = (",".join(map(repr, map(float, row))) for row in rows)
+    path = tmp_path / "eis.csv"
+    path.write_text("\n".join(["Frequency [Hz],Zreal [mohm],Zimag [ohm]", *lines]))
+    np.testing.assert_allclose(read_file(path).impedance, IMPEDANCE)

@@ -246,3 +246,10 @@ class TestMatlab(ReaderConformance):
     @pytest.fixture
     def file(self, tmp_path):
         return saved(tmp_path / "cell.mat", panasonic())
+
+
+def test_a_number_in_a_field_may_be_written_in_any_way(tmp_path):
+    tests = [{**columns("t", "U", "I", n=n), "soc": float(soc)} for n, soc in ((45, 9), (50, 8.5))]
+    path = saved(tmp_path / "a.mat", {"tests": tests})
+    for wanted, count in (("9", 45), ("9.0", 45), ("8.5", 50)):
+        assert len(read_record(path, ReadOptions(where={"soc": wanted})).trajectory) == count

@@ -482,3 +482,36 @@ def test_decimal_commas_are_seen_below_a_row_of_whole_numbers(tmp_path):
     rows = (f"{30 * k};{'4' if k == 0 else f'3,{990 - k}'};-2" for k in range(50))
     path.write_text("Time [s];U [V];I [A]\n" + "\n".join(rows))
     assert read_record(path).trajectory.voltage[1] == 3.989
+
+
+def saved_sheet(path, *rows):
+    book = openpyxl.Workbook()
+    for row in rows:
+        book.active.append(row)
+    book.save(path)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("names", "units", "scale"),
+    [
+        (["Time", "Current", "Voltage"], ["s", "A", "V"], (1.0, 1.0, 1.0)),
+        (["Time", "Current", "Voltage"], ["[min]", "[mA]", "[mV]"], (1 / 60, 1e3, 1e3)),
+    ],
+)
+def test_a_row_of_units_may_stand_below_the_names_of_a_sheet(tmp_path, names, units, scale):
+    made = discharge()
+    rows = zip(made.time * scale[0], -made.current * scale[1], made.voltage * scale[2], strict=True)
+    path = saved_sheet(tmp_path / "a.xlsx", names, units, *(list(map(float, row)) for row in rows))
+    assert_same(read_record(path).trajectory, made)
+
+
+def test_a_sheet_may_have_dates_alone_and_texts_with_decimal_commas(tmp_path):
+    made, start = discharge(), datetime.datetime(2024, 3, 1, 23, 50)
+    rows = [
+        [start + datetime.timedelta(seconds=float(t)), f"{-i:.1f}".replace(".", ","), f"{v:.7f}".replace(".", ",")]
+        for t, i, v in zip(made.time, made.current, made.voltage, strict=True)
+    ]
+    record = read_record(saved_sheet(tmp_path / "a.xlsx", ["Date_Time", "Current(A)", "Voltage(V)"], *rows))
+    assert_same(record.trajectory, made)
+    assert "decimal commas were read as decimal points." in record.notes

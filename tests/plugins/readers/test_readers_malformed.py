@@ -83,6 +83,12 @@ CASES = {
     "a pack": ("a.csv", text(rows(voltage=4)), "more than a single cell can have", "not of a pack"),
     "milliamperes": ("a.csv", text(rows(current=1000)), 'column "Current / A" shows 5000 A', "--unit current=mA"),
     "hours": ("a.csv", text(rows(time=1 / 3600)), 'column "Test Time / s" shows 0.275 s in all', "--unit time=h"),
+    "days of a spreadsheet": (
+        "a.csv",
+        text([f"{45364.9 + k / 8640:.6f},{4.1 - 0.01 * k:.6g},-5" for k in range(100)]),
+        'column "Test Time / s" shows 0.011458 s in all',
+        "--unit time=d",
+    ),
     "kelvin": (
         *("a.csv", text([r + ",298.1" for r in rows()], HEADER + ",Temperature T1 / degC")),
         *('column "Temperature T1 / degC" shows 298.1 degC', "--unit temperature=K"),

@@ -79,3 +79,10 @@ def test_sizes_stay_and_a_state_that_says_nothing_goes_on(rows):
     for state, value in zip(states, signed, strict=True):
         negative = state in ("D", "Dis") or (negative and state != "C")
         assert value <= 0.0 if negative else value >= 0.0
+
+
+def test_a_row_without_a_current_does_not_keep_the_others_from_their_sign(tmp_path):
+    current = np.where(np.arange(160) == 30, np.nan, SIZES)
+    (tmp_path / "a.csv").write_text(table(*WORDS["words"], current))
+    found = read_record(tmp_path / "a.csv").trajectory
+    np.testing.assert_allclose(found.current, -np.delete(TRUE, 30))
