@@ -44,8 +44,8 @@ def best_score_line(task: Task, best: Trial, lowest: Trial, metrics: Metrics | N
         return (
             f"These are the values of simulation {best.index}{start}, the most probable ones: simulation "
             f"{lowest.index} has the lowest {objective.words}, {number(objective.shown(metrics))} {objective.unit}, "
-            f"and a misfit of {lowest_misfit} in place of {theirs} tolerances (rms), but is farther from the priors of the "
-            f"search space. {tolerance_line(task)}"
+            f"and a misfit of {lowest_misfit} in place of {theirs} tolerances (rms), but is farther from the priors of "
+            f"the search space. {tolerance_line(task)}"
         )
     minimised = "means of the error over parts of each step" if task.given_drive else "errors within each step"
     return (
