@@ -4,9 +4,11 @@ import csv
 from pathlib import Path
 
 import pytest
+from bsa.backends.rules.backend import RulesBackend
 from bsa.core.contracts.effect_choice import effects_of
 from bsa.core.errors import BsaError
 from bsa.core.files import write_json
+from bsa.core.messages import BackendFailure
 from bsa.experiments.campaign import task_sources
 from bsa.experiments.campaign.cell import Order, carry_out
 from bsa.experiments.campaign.grid_file import BackendChoice, SuiteFilter
@@ -58,6 +60,25 @@ def test_a_report_is_ranked_with_names_and_without_and_not_asked_again(tmp_path:
     assert found["by_score"] == 2.0
     assert found["named"] == report.result["named"].index("contact-resistance") + 1
     assert ranking_cell(REPORT, RULES, 8).identity != cell.identity
+
+
+def test_a_ranking_goes_on_where_the_model_was_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The ranking with names was answered; it is not asked again."""
+    order = Order(ranking_cell(REPORT, RULES, 7), Store(tmp_path / "store"))
+    answer_of, asked = RulesBackend.complete, []
+
+    def lost_once(self, messages, schema, *, seed):
+        asked.append(seed)
+        if len(asked) == 2:
+            raise BackendFailure("nobody there")
+        return answer_of(self, messages, schema, seed=seed)
+
+    monkeypatch.setattr(RulesBackend, "complete", lost_once)
+    monkeypatch.setattr("bsa.core.run.recording.ASK_AGAIN_AFTER_S", ())
+    assert carry_out(order).state == "failed"
+    report = carry_out(order)
+    assert (report.state, report.reason) == ("done", "")
+    assert (len(asked), report.result["llm_calls"], report.result["lost_calls"]) == (3, 3, 1)
 
 
 @pytest.mark.slow
