@@ -120,13 +120,15 @@ def _case(case: SuiteCase, search: str | None, start: int, store: Store, say: Sa
             return replace(label, digest=digest, trouble=trouble)
     if not make:
         return label
-    from ..suite.build import build_task
+    from ..suite.build import NoTarget, build_task
 
     say(f"making the target of {label.key} ({case.parameter_set}, {case.rates})")
     try:
         label = replace(label, digest=store.put_task(started(build_task(case, search), start)))
     except BsaError as error:
         label = replace(label, trouble=error.message)
+        if not isinstance(error, NoTarget):  # a full disk, perhaps: the next command tries again
+            return label
     write_json(note, {"digest": label.digest, "trouble": label.trouble})
     return label
 
