@@ -7,7 +7,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from ...core.errors import unknown
+from ...core.errors import BsaError, unknown
 from ...core.run.run_config import RunConfig
 from ...core.scaffold import Scaffold
 from ...core.yaml_text import YAML_SUFFIXES
@@ -65,6 +65,7 @@ def expand(
     configs = _Configs(near)
     cells: dict[tuple[str, str], Calibration] = {}
     everything = list(_all(grid, configs, store, near, say, make))
+    _check_names([cell.task for cell in everything])
     _check_excluded(grid, [cell.axes for cell in everything])
     for cell in everything:
         if not any(_fits(cell.axes, condition) for condition in grid.exclude):
@@ -72,6 +73,14 @@ def expand(
             cells.setdefault((cell.task.key, cell.identity or cell.config.model_dump_json()), cell)
     _check_reference(grid, [cell.axes.scaffold for cell in cells.values()])
     return list(cells.values())
+
+
+def _check_names(tasks: Sequence[TaskLabel]) -> None:
+    """Whether each name is that of one task: tables compare methods by it."""
+    digests: dict[str, str] = {}
+    for task in tasks:
+        if digests.setdefault(task.key, task.digest) != task.digest:
+            raise BsaError(f'two different tasks of the grid are called "{task.key}".', "rename one of them.")
 
 
 def _check_excluded(grid: GridFile, cells: Sequence[Axes]) -> None:
