@@ -258,7 +258,7 @@ def modes_table(rows: Sequence[Row]) -> str:
     quantities = list(dict.fromkeys(row["quantity"] for row in rows))
     found = {(row["task"], row["quantity"]): f"{brief(row['value'])} ± {brief(row['half'])}" for row in rows}
     lines = [
-        [f"{life} ({own[0]['cycle']:.0f})", *(found[life, quantity] for quantity in quantities)]
+        [f"{life} ({own[0]['cycle']:.0f})", *(found.get((life, quantity), "–") for quantity in quantities)]
         for life, own in grouped(rows, "task").items()
     ]
     return markdown_table(["life (cycle)", *quantities], lines)

@@ -119,16 +119,20 @@ def recovery_table(rows: Sequence[Row], held: Sequence[Row]) -> tuple[str, list[
     }
     median = float(np.median([row["median_relative_error"] for row in rows]))
     largest = max(row["largest_relative_error"] for row in rows)
-    return markdown_table(heads, lines), [
-        f"* What was recovered predicts rates that were not fitted {min(ratios):.0f} to {max(ratios):.0f} times "
-        f"better than the truth known to 5 %.",
+    remarks = []
+    if ratios:
+        remarks.append(
+            f"* What was recovered predicts rates that were not fitted {min(ratios):.0f} to {max(ratios):.0f} times "
+            "better than the truth known to 5 %."
+        )
+    remarks += [
         f"* A parameter's own error: median {median:.1%} (of the cases' medians), largest {largest:.0%}.",
         f"* Within a case, over its successive best trials, errors of curve and parameters correlate with Pearson "
-        f"{means['pearson']:.2f} and "
-        f"Spearman {means['spearman']:.2f}; they fall together in {means['share_of_steps_that_co_decrease']:.0%} of "
-        f"the steps (means of the cases; "
-        "the paper reports 0.963 and 1.000).",
+        f"{means['pearson']:.2f} and Spearman {means['spearman']:.2f}; they fall together in "
+        f"{means['share_of_steps_that_co_decrease']:.0%} of the steps (means of the cases; the paper reports 0.963 and "
+        "1.000).",
     ]
+    return markdown_table(heads, lines), remarks
 
 
 def parameter_error(space: ParameterSpace, candidate: Candidate, truth: Candidate) -> float:

@@ -44,5 +44,7 @@ def warm_up_table(rows: Sequence[Row]) -> str:
     for method in dict.fromkeys(row["method"] for row in rows):
         own = {row["task"]: row for row in rows if row["method"] == method}
         both = [spread([row[name] for row in own.values()]) for name in ("after_warm_up_mape", "mape")]
-        lines.append([method.partition("+")[2], *both, *(brief(own[case]["mape"]) for case in cases)])
+        lines.append(
+            [method.partition("+")[2], *both, *(brief(own[case]["mape"]) if case in own else "–" for case in cases)]
+        )
     return markdown_table(["MAPE / %", "best after it", "at the end", *cases], lines)
