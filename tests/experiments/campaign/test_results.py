@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import pytest
 from bsa.core.contracts.registry import Registry
 from bsa.core.errors import BsaError
+from bsa.core.files import write_json
 from bsa.core.hooks import Entry, hookimpl
 from bsa.core.scaffold import PluginChoice
 from bsa.experiments.campaign import estimate as estimates
@@ -217,6 +218,23 @@ def test_a_cell_that_failed_and_is_interrupted_when_it_is_run_again_is_stopped(m
     run_campaign(plan, Here(), Quiet())
     (after,) = rows_of(noted(plan), plan.store)
     assert (after["state"], after["reason"]) == ("stopped", "interrupted")
+
+
+def test_a_cell_that_was_interrupted_and_failed_when_it_was_run_again_has_failed(make_plan, monkeypatch):
+    plan = make_plan(tasks=1, scaffolds=["full"])
+    (cell,) = plan.cells
+    interrupted = {"status": "interrupted", "best": {}, "initial": {}}
+    write_json(plan.store.cell(cell.identity) / "result.json", interrupted)
+    (before,) = rows_of(noted(plan), plan.store)
+    assert (before["state"], before["reason"]) == ("stopped", "interrupted")
+
+    def failing(cell, folder, store):
+        raise BsaError("no server answers.")
+
+    monkeypatch.setattr(Calibration, "run", failing)
+    ((told,), _) = run_campaign(plan, Here(), Quiet())
+    (read,) = rows_of(noted(plan), plan.store)
+    assert (told["state"], told["reason"]) == (read["state"], read["reason"]) == ("failed", "no server answers.")
 
 
 def test_what_a_server_of_ones_own_costs_is_not_known(make_plan):
