@@ -98,7 +98,7 @@ def convergence(rows: Sequence[Row], store: Store) -> str:
         panel.set_xlabel("simulations")
         panel.set_title(mode, fontsize=10)
     panels[0].set_ylabel(f"{_of_objective(rows)}, best so far")
-    panels[-1].legend(fontsize=8, frameon=False)
+    _legend(panels)
     return _svg(figure, "convergence")
 
 
@@ -152,7 +152,7 @@ def pareto(rows: Sequence[Row], metric: str) -> str:
         panel.set_yscale("log")
         panel.set_xlabel(label)
     panels[0].set_ylabel(LABELS.get(metric, metric))
-    panels[-1].legend(fontsize=8, frameon=False)
+    _legend(panels)
     return _svg(figure, "effort")
 
 
@@ -183,7 +183,7 @@ def round_times(times: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
         panel.set_xlabel("round")
         panel.set_title(title, fontsize=10)
     panels[0].set_ylabel("time / s")
-    panels[-1].legend(fontsize=8, frameon=False)
+    _legend(panels)
     return _svg(figure, "rounds")
 
 
@@ -214,6 +214,13 @@ def _outer_labels(panels: Sequence[Any], across: int, label: str) -> None:
     for place, panel in enumerate(panels):
         if place % across == 0:
             panel.set_ylabel(label)
+
+
+def _legend(panels: Sequence[Any]) -> None:
+    """Every method once, in the last panel, whichever panels it is in."""
+    shown = {label: line for panel in panels for line, label in zip(*panel.get_legend_handles_labels(), strict=True)}
+    if shown:
+        panels[-1].legend(shown.values(), shown.keys(), fontsize=8, frameon=False)
 
 
 def _svg(figure: Any, name: str) -> str:

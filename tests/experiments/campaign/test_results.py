@@ -17,7 +17,7 @@ from bsa.core.scaffold import PluginChoice
 from bsa.experiments.campaign import estimate as estimates
 from bsa.experiments.campaign.calibration import Calibration
 from bsa.experiments.campaign.estimate import estimate, experience, need_of
-from bsa.experiments.campaign.figures import _medians, pareto
+from bsa.experiments.campaign.figures import _medians, convergence, pareto
 from bsa.experiments.campaign.results import rows_of, write_rows
 from bsa.experiments.campaign.running import run_campaign
 from bsa.experiments.campaign.store import Store
@@ -77,6 +77,16 @@ def test_a_price_that_is_not_known_is_no_zero(finished):
     assert line.split(" | ")[heads.index("tokens") + 1] == "0"
     assert "cost / $" in pareto(rows, "mape")
     assert math.isnan(_medians(rows, "no-memory", "cost_usd", "mape")[0])
+
+
+def test_the_legend_of_convergence_has_every_method(finished):
+    """One that has run in the first mode alone, too."""
+    rows = [dict(row) for row in rows_of(noted(finished), finished.store)]
+    rows[-1]["mode"] = "extreme"
+    assert [row["method"] for row in rows if row["mode"] == "extreme"] == ["no-memory"]
+    drawn = convergence(rows, finished.store)
+    assert ">full<" in drawn
+    assert drawn.count(">no-memory<") == 1
 
 
 def test_a_grid_that_was_never_run_says_so(finished):
