@@ -9,6 +9,7 @@ from bsa.core.contracts.effect_choice import effects_of
 from bsa.core.errors import BsaError
 from bsa.core.files import write_json
 from bsa.core.messages import BackendFailure
+from bsa.core.scaffold import BUILT_IN
 from bsa.experiments.campaign import task_sources
 from bsa.experiments.campaign.cell import Order, carry_out
 from bsa.experiments.campaign.grid_file import BackendChoice, SuiteFilter
@@ -155,6 +156,9 @@ def test_a_lost_call_is_no_reply(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     row |= {"llm_calls": 10, "lost_calls": 5, "tokens": 1000, "backend_s": 20.0}
     methods = [("full", "m"), ("full", "rules"), ("hybrid", "rules")]
     rows = [{**row, "scaffold": scaffold, "backend": backend} for scaffold, backend in methods]
+    (tmp_path / "mine.yaml").write_text((BUILT_IN / "full.yaml").read_text())
+    for scaffold in ("full", str(tmp_path / "mine.yaml")):
+        assert card("m", scaffold, 20, rows, [], [], Store(tmp_path)).tasks == 1
     found = card("m", "full", 20, rows, [], [], Store(tmp_path))
     assert (found.calls, found.valid_pct) == (10, pytest.approx(80.0))
     assert (found.tokens_a_call, found.seconds_a_call) == (200.0, 4.0)
