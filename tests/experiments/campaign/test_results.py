@@ -150,9 +150,18 @@ def test_what_finished_cells_took_is_scaled_to_the_budget(make_plan, status, all
     (cell,) = make_plan(tasks=1, scaffolds=["full"], rounds=rounds, simulations=simulations).cells
     known = row("full", "Chen2020", 1.0, status=status, simulations=10, rounds=allowed)
     known |= {"wall_s": 60.0, "tokens": 9000, "llm_calls": 3, "cost_usd": 0.1}
-    need = need_of(cell, {(cell.task.chemistry, "full", "rules"): [known]})
+    need = need_of(cell, {("own", cell.task.chemistry, "full", "rules"): [known]})
     assert (need.simulations, need.tokens, need.learnt) == (simulations, 9000 * share, True)
     assert (need.seconds, need.cost_usd) == pytest.approx((60.0 * share, 0.1 * share))
+
+
+def test_lives_do_not_tell_what_two_cycles_take(make_plan):
+    plan = make_plan(tasks=1, scaffolds=["full"])
+    run_campaign(plan, Here(), Quiet())
+    (cell,) = make_plan(tasks=1, scaffolds=["full"], seeds=[2]).cells
+    life = replace(cell, task=replace(cell.task, mode="life"))
+    past = experience(plan.store)
+    assert [need_of(one, past).learnt for one in (cell, life)] == [True, False]
 
 
 def test_how_many_rounds_a_finished_cell_was_allowed_stands_in_its_journal(make_plan):
