@@ -72,6 +72,11 @@ def test_a_filter_that_leaves_nothing_says_of_what(one_case, tmp_path):
     assert words in str(refused.value)
 
 
+def test_a_number_of_cases_is_a_number_in_quotes_too():
+    number, quoted = (suite_cases(SuiteFilter(suite="lives", cases=cases, draw=3)) for cases in (4, " 4"))
+    assert list(number) == list(quoted)
+
+
 def test_a_case_of_a_drawn_suite_can_be_named_by_any_number():
     (key,) = suite_cases(SuiteFilter(suite="lives", cases="life-45"))
     assert key == "life-45"
