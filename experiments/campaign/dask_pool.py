@@ -74,16 +74,17 @@ def load_slurm(path: Path) -> SlurmConfig:
     return validated(SlurmConfig, content or {}, str(path))
 
 
-def check_cluster(where: str) -> None:
-    """Refuse what names no cluster, before anything is made for it.
+def check_cluster(where: str) -> SlurmConfig | None:
+    """What a cluster is to be made of; None where it runs already.
 
-    Raises `BsaError` if it is neither the address of a scheduler nor a description of SLURM jobs, or that cannot be
-    read.
+    Raises `BsaError` if ``where`` is neither the address of a scheduler nor a description of SLURM jobs, or that cannot
+    be read.
     """
     if where.startswith(_SLURM):
-        load_slurm(Path(where.removeprefix(_SLURM)))
-    elif not _ADDRESS.fullmatch(where):
+        return load_slurm(Path(where.removeprefix(_SLURM)))
+    if not _ADDRESS.fullmatch(where):
         raise BsaError(f'--cluster "{where}" is no cluster.', "write tcp://HOST:PORT or slurm:FILE.yaml.")
+    return None
 
 
 class DaskPool:
@@ -97,9 +98,8 @@ class DaskPool:
         distributed = require("distributed", "cluster", "--cluster")
         self._cluster: Any = None
         address: Any = where
-        check_cluster(where)
-        if where.startswith(_SLURM):
-            config = load_slurm(Path(where.removeprefix(_SLURM)))
+        config = check_cluster(where)
+        if config is not None:
             self._cluster = address = slurm_cluster(config)
             self._cluster.scale(jobs=config.jobs)
         try:

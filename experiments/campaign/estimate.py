@@ -66,7 +66,7 @@ class Need:
 
 
 Experience = dict[tuple[str, str, str, str], list[Row]]
-"""Rows of finished cells by mode, chemistry, scaffold and backend: a life takes a hundred times as long as two cycles."""
+"""Rows of finished cells by mode, chemistry, scaffold and backend: a life takes far longer than two cycles."""
 
 
 def experience(store: Store) -> Experience:

@@ -131,7 +131,7 @@ def _case(case: SuiteCase, search: str | None, start: int, store: Store, say: Sa
 
 def _reference(case: SuiteCase, search: str | None, start: int) -> str:
     content: dict[str, Any] = {
-        "case": asdict(replace(case, changes=dict(case.changes), growth=dict(case.growth))),
+        "case": asdict(case),
         "search": search,
         "start": start,
         "versions": versions_of_study(),

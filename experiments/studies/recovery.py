@@ -15,7 +15,7 @@ from ...core.parameters import Candidate, ParameterSpace
 from ...core.simulation import Outcome
 from ...core.task import Task
 from ..campaign.store import Store
-from ..campaign.summary import Row, grouped, statistic
+from ..campaign.summary import Row, grouped, mean_of
 from ..campaign.text_tables import brief, markdown_table
 from ..run_record import RunRecord, read_run
 from ..suite.case import SuiteCase
@@ -103,8 +103,7 @@ def recovery_table(rows: Sequence[Row], held: Sequence[Row]) -> tuple[str, list[
     rates = sorted({row["rate"] for row in held})
     mean = {
         quality: [
-            statistic([row["mape"] for row in held if (row["quality"], row["rate"]) == (quality, rate)]).mean
-            for rate in rates
+            mean_of([row for row in held if (row["quality"], row["rate"]) == (quality, rate)], "mape") for rate in rates
         ]
         for quality in _QUALITIES
     }
@@ -113,10 +112,7 @@ def recovery_table(rows: Sequence[Row], held: Sequence[Row]) -> tuple[str, list[
     ratios = [
         noisy / found if found else math.inf for noisy, found in zip(mean["5 % noise"], mean["recovered"], strict=True)
     ]
-    means = {
-        name: statistic([row[name] for row in rows]).mean
-        for name in ("pearson", "spearman", "share_of_steps_that_co_decrease")
-    }
+    means = {name: mean_of(rows, name) for name in ("pearson", "spearman", "share_of_steps_that_co_decrease")}
     median = float(np.median([row["median_relative_error"] for row in rows]))
     largest = max(row["largest_relative_error"] for row in rows)
     remarks = []
