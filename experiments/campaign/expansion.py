@@ -1,5 +1,6 @@
 """From a grid file to its cells: the product of the axes, plus what is included, minus what is excluded."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
@@ -71,7 +72,9 @@ def expand(
         if not any(_fits(cell.axes, condition) for condition in grid.exclude):
             # Without an identity the configuration tells cells apart.
             cells.setdefault((cell.task.key, cell.identity or cell.config.model_dump_json()), cell)
-    _check_reference(grid, [cell.axes.scaffold for cell in cells.values()])
+    axes = [cell.axes for cell in cells.values()]
+    _check_axes(axes)
+    _check_reference(grid, [own.scaffold for own in axes])
     return list(cells.values())
 
 
@@ -81,6 +84,17 @@ def _check_names(tasks: Sequence[TaskLabel]) -> None:
     for task in tasks:
         if digests.setdefault(task.key, task.digest) != task.digest:
             raise BsaError(f'two different tasks of the grid are called "{task.key}".', "rename one of them.")
+
+
+def _check_axes(cells: Sequence[Axes]) -> None:
+    """Whether tables can tell the cells apart: what has the same axes would be averaged as one method."""
+    for axes, count in Counter(cells).items():
+        if count > 1:
+            raise BsaError(
+                f'the grid has {count} cells of the task "{axes.task}" with the scaffold "{axes.scaffold}", the backend '
+                f'"{axes.backend}" and the seed {axes.seed}, which tables could not tell apart.',
+                "name each scaffold differently; other options or budgets of the same ones are a grid of their own.",
+            )
 
 
 def _check_excluded(grid: GridFile, cells: Sequence[Axes]) -> None:

@@ -5,6 +5,7 @@ import json
 import pytest
 from bsa.core.encoding import encode_task
 from bsa.core.errors import BsaError
+from bsa.core.scaffold import BUILT_IN
 from bsa.experiments.campaign.expansion import expand
 from bsa.experiments.campaign.grid_file import load_grid, shipped_names
 from bsa.experiments.campaign.running import run_campaign
@@ -181,3 +182,20 @@ def test_two_tasks_of_one_name_are_refused_in_included_cells_too(make_plan, tmp_
         "toy-0",
         "toy-1",
     }
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {"include": [{"scaffolds": ["full"], "simulations": 4}]},
+        {"backends": ["rules", {"use": "rules", "options": {"votes": 3}}]},
+        {"scaffolds": ["full", "mine.yaml"]},
+    ],
+    ids=["budgets", "options of a backend", "scaffolds of one name"],
+)
+def test_cells_that_tables_cannot_tell_apart_are_refused(make_plan, tmp_path, content):
+    write_grid(tmp_path / "grid")
+    mine = (BUILT_IN / "full.yaml").read_text().replace("[priors, history, sensitivities]", "[history]")
+    (tmp_path / "grid" / "mine.yaml").write_text(mine)
+    with pytest.raises(BsaError, match='2 cells of the task "toy-0" with the scaffold "full", the backend "rules"'):
+        make_plan(tasks=1, **content)
