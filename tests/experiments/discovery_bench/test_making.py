@@ -39,6 +39,21 @@ def test_another_seed_may_be_tried_where_none_was_made(tmp_path: Path) -> None:
         make_cases(tmp_path / "blind", made, 2, seed=5)
 
 
+def test_a_case_that_cannot_be_written_is_not_drawn_again(tmp_path: Path) -> None:
+    """Else the seed would have another case on a disk that was full for a moment."""
+    drawn = []
+
+    def on_a_full_disk(folder: Path, seed: int, number: int, attempt: int) -> dict[str, Any]:
+        drawn.append(attempt)
+        (folder / "record_1.csv").mkdir(parents=True)
+        write_text(folder / "record_1.csv", "a record")
+        return {}
+
+    with pytest.raises(BsaError, match="record_1.csv cannot be used"):
+        make_cases(tmp_path / "blind", on_a_full_disk, 1)
+    assert drawn == [0]
+
+
 def test_a_folder_of_other_things_is_refused(tmp_path: Path) -> None:
     write_text(tmp_path / "thesis.tex", "chapter")
     with pytest.raises(BsaError, match="not a folder of blind cases"):
