@@ -118,7 +118,7 @@ def _all(grid: GridFile, configs: _Configs, store: Store, near: Path, say: Say, 
     own = gather(grid.tasks, store, near, say, make)
     yield from _product(own, grid, configs)
     for more in grid.include:
-        replaced = {name: value for name in _REPLACED if (value := getattr(more, name)) not in (None, [])}
+        replaced = {name: value for name in _REPLACED if (value := getattr(more, name)) is not None}
         settings = {**grid.settings, **more.settings}
         tasks = own if more.tasks is None else gather(more.tasks, store, near, say, make)
         yield from _product(tasks, grid.model_copy(update={**replaced, "settings": settings}), configs)

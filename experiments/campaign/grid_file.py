@@ -95,10 +95,10 @@ class Budgets(BaseModel, extra="forbid"):
 class Included(Budgets):
     """More cells: the grid again with some axes or budgets replaced."""
 
-    tasks: list[TaskChoice] | None = Field(None, description="Instead of the grid's tasks.")
-    backends: list[BackendChoice] | None = Field(None, description="Instead of the grid's backends.")
-    scaffolds: list[str | Scaffold] | None = Field(None, description="Instead of the grid's scaffolds.")
-    seeds: list[int] | None = Field(None, description="Instead of the grid's seeds.")
+    tasks: list[TaskChoice] | None = Field(None, min_length=1, description="Instead of the grid's tasks.")
+    backends: list[BackendChoice] | None = Field(None, min_length=1, description="Instead of the grid's backends.")
+    scaffolds: list[str | Scaffold] | None = Field(None, min_length=1, description="Instead of the grid's scaffolds.")
+    seeds: list[NonNegativeInt] | None = Field(None, min_length=1, description="Instead of the grid's seeds.")
 
 
 class GridFile(Budgets):

@@ -33,6 +33,15 @@ def test_seeds_are_checked(tmp_path, seeds):
         load_grid(str(write_grid(tmp_path, seeds=seeds)))
 
 
+@pytest.mark.parametrize(
+    "included", [{"seeds": [-1]}, {"seeds": []}, {"scaffolds": []}, {"backends": []}, {"tasks": []}]
+)
+def test_axes_of_included_cells_are_checked_as_those_of_the_grid(tmp_path, included):
+    (key,) = included
+    with pytest.raises(BsaError, match=key):
+        load_grid(str(write_grid(tmp_path, include=[included])))
+
+
 def test_set_replaces_any_key(tmp_path):
     path = write_grid(tmp_path, backends=["rules", {"use": "ollama:x", "at_once": 2}])
     changes = {
