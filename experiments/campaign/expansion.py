@@ -91,8 +91,8 @@ def _check_axes(cells: Sequence[Axes]) -> None:
     for axes, count in Counter(cells).items():
         if count > 1:
             raise BsaError(
-                f'the grid has {count} cells of the task "{axes.task}" with the scaffold "{axes.scaffold}", the backend '
-                f'"{axes.backend}" and the seed {axes.seed}, which tables could not tell apart.',
+                f'tables could not tell apart {count} cells of the task "{axes.task}" with the scaffold '
+                f'"{axes.scaffold}", the backend "{axes.backend}" and the seed {axes.seed}.',
                 "name each scaffold differently; other options or budgets of the same ones are a grid of their own.",
             )
 

@@ -84,7 +84,7 @@ def _first_that_runs(
             if isinstance(error.__context__, OSError):  # a full disk: the seed's case is still this one
                 raise
             listener(f"{folder.name}: draw {attempt + 1} failed ({type(error).__name__})")
-    raise BsaError(f"{folder.name} could not be made in {_DRAWS} draws.", "another --seed may do, in a folder of its own.")
+    raise BsaError(f"{folder.name} could not be made in {_DRAWS} draws.", "another --seed may do, in another folder.")
 
 
 def unseal(folder: Path) -> dict[str, Any]:
