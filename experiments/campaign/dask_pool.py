@@ -42,23 +42,30 @@ class SlurmConfig(BaseModel):
     cores: int = Field(1, ge=1, description="Cores of a job, each with a worker process of one thread.")
     memory: str = Field("4GB", description="Memory of a job.")
     walltime: str = Field("24:00:00", description="Longest time of a job.")
+    job_script_prologue: list[str] = Field([], description="Lines of shell before the workers are started.")
 
 
 def slurm_cluster(config: SlurmConfig) -> Any:
-    """A cluster whose workers are SLURM jobs, none submitted yet."""
+    """A cluster whose workers are SLURM jobs, none submitted yet. Raises `BsaError` if dask-jobqueue refuses a key."""
     # Imported, it makes Ctrl-C end the process in silence and with exit code 0.
     with interrupts_stay():
         jobqueue = require("dask_jobqueue", "cluster", "--cluster slurm:...")
     lines = [f"export {name}=1" for name in threads.VARIABLES]
-    others = dict(config.model_extra or {})
-    return jobqueue.SLURMCluster(
-        cores=config.cores,
-        processes=config.cores,
-        memory=config.memory,
-        walltime=config.walltime,
-        job_script_prologue=[*lines, *others.pop("job_script_prologue", [])],
-        **others,
-    )
+    try:
+        return jobqueue.SLURMCluster(
+            cores=config.cores,
+            processes=config.cores,
+            memory=config.memory,
+            walltime=config.walltime,
+            job_script_prologue=[*lines, *config.job_script_prologue],
+            **(config.model_extra or {}),
+        )
+    except (TypeError, ValueError) as error:
+        reason = str(error).partition("\n")[0]
+        raise BsaError(
+            f"dask-jobqueue refuses the SLURM jobs that are described: {reason}",
+            "its SLURMCluster tells which keys there are; each of the cores has a process of its own.",
+        ) from None
 
 
 def load_slurm(path: Path) -> SlurmConfig:
@@ -67,16 +74,17 @@ def load_slurm(path: Path) -> SlurmConfig:
     return validated(SlurmConfig, content or {}, str(path))
 
 
-def check_cluster(where: str) -> None:
-    """Refuse what names no cluster, before anything is made for it.
+def check_cluster(where: str) -> SlurmConfig | None:
+    """What a cluster is to be made of; None where it runs already.
 
-    Raises `BsaError` if it is neither the address of a scheduler nor a description of SLURM jobs, or that cannot be
-    read.
+    Raises `BsaError` if ``where`` is neither the address of a scheduler nor a description of SLURM jobs, or that cannot
+    be read.
     """
     if where.startswith(_SLURM):
-        load_slurm(Path(where.removeprefix(_SLURM)))
-    elif not _ADDRESS.fullmatch(where):
+        return load_slurm(Path(where.removeprefix(_SLURM)))
+    if not _ADDRESS.fullmatch(where):
         raise BsaError(f'--cluster "{where}" is no cluster.', "write tcp://HOST:PORT or slurm:FILE.yaml.")
+    return None
 
 
 class DaskPool:
@@ -90,9 +98,8 @@ class DaskPool:
         distributed = require("distributed", "cluster", "--cluster")
         self._cluster: Any = None
         address: Any = where
-        check_cluster(where)
-        if where.startswith(_SLURM):
-            config = load_slurm(Path(where.removeprefix(_SLURM)))
+        config = check_cluster(where)
+        if config is not None:
             self._cluster = address = slurm_cluster(config)
             self._cluster.scale(jobs=config.jobs)
         try:

@@ -20,7 +20,7 @@ from .results import read_table
 from .store import Store
 from .summary import Row, grouped, mean_of
 
-_KIND = ("chemistry", "scaffold", "backend")
+_KIND = ("mode", "chemistry", "scaffold", "backend")
 _SPENT = ("wall_s", "tokens", "llm_calls")
 
 _START_S = 12.0
@@ -65,8 +65,8 @@ class Need:
         )
 
 
-Experience = dict[tuple[str, str, str], list[Row]]
-"""Rows of finished cells by chemistry, scaffold and backend."""
+Experience = dict[tuple[str, str, str, str], list[Row]]
+"""Rows of finished cells by mode, chemistry, scaffold and backend: a life takes far longer than two cycles."""
 
 
 def experience(store: Store) -> Experience:
@@ -117,7 +117,7 @@ def need_of(cell: Calibration, past: Experience) -> Need:
     asks = installed().find("proposer", config.scaffold.proposer.use).entry.asks_model
     rounds = config.rounds + (1 if config.warm_up and config.scaffold.warm_up else 0)
     calls = rounds * int(cell.backend.options.get("votes") or 1) if asks else 0
-    known = past.get((cell.task.chemistry, config.scaffold.name, cell.backend.use))
+    known = past.get((cell.task.mode, cell.task.chemistry, config.scaffold.name, cell.backend.use))
     if known is not None:
         known = [_scaled(row, config) for row in known]
         # Of what is not known nothing was spent, but of money: a price that is not known is none that is nothing.

@@ -1,5 +1,6 @@
 """From a grid file to its cells: the product of the axes, plus what is included, minus what is excluded."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
@@ -7,7 +8,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from ...core.errors import unknown
+from ...core.errors import BsaError, unknown
 from ...core.run.run_config import RunConfig
 from ...core.scaffold import Scaffold
 from ...core.yaml_text import YAML_SUFFIXES
@@ -65,13 +66,35 @@ def expand(
     configs = _Configs(near)
     cells: dict[tuple[str, str], Calibration] = {}
     everything = list(_all(grid, configs, store, near, say, make))
+    _check_names([cell.task for cell in everything])
     _check_excluded(grid, [cell.axes for cell in everything])
     for cell in everything:
         if not any(_fits(cell.axes, condition) for condition in grid.exclude):
             # Without an identity the configuration tells cells apart.
             cells.setdefault((cell.task.key, cell.identity or cell.config.model_dump_json()), cell)
-    _check_reference(grid, [cell.axes.scaffold for cell in cells.values()])
+    axes = [cell.axes for cell in cells.values()]
+    _check_axes(axes)
+    _check_reference(grid, [own.scaffold for own in axes])
     return list(cells.values())
+
+
+def _check_names(tasks: Sequence[TaskLabel]) -> None:
+    """Whether each name is that of one task: tables compare methods by it."""
+    digests: dict[str, str] = {}
+    for task in tasks:
+        if digests.setdefault(task.key, task.digest) != task.digest:
+            raise BsaError(f'two different tasks of the grid are called "{task.key}".', "rename one of them.")
+
+
+def _check_axes(cells: Sequence[Axes]) -> None:
+    """Whether tables can tell the cells apart: what has the same axes would be averaged as one method."""
+    for axes, count in Counter(cells).items():
+        if count > 1:
+            raise BsaError(
+                f'tables could not tell apart {count} cells of the task "{axes.task}" with the scaffold '
+                f'"{axes.scaffold}", the backend "{axes.backend}" and the seed {axes.seed}.',
+                "name each scaffold differently; other options or budgets of the same ones are a grid of their own.",
+            )
 
 
 def _check_excluded(grid: GridFile, cells: Sequence[Axes]) -> None:
@@ -95,7 +118,7 @@ def _all(grid: GridFile, configs: _Configs, store: Store, near: Path, say: Say, 
     own = gather(grid.tasks, store, near, say, make)
     yield from _product(own, grid, configs)
     for more in grid.include:
-        replaced = {name: value for name in _REPLACED if (value := getattr(more, name)) not in (None, [])}
+        replaced = {name: value for name in _REPLACED if (value := getattr(more, name)) is not None}
         settings = {**grid.settings, **more.settings}
         tasks = own if more.tasks is None else gather(more.tasks, store, near, say, make)
         yield from _product(tasks, grid.model_copy(update={**replaced, "settings": settings}), configs)

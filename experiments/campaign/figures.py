@@ -3,7 +3,7 @@
 import io
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,14 +12,9 @@ from ...core.trajectory import FloatArray
 from .statistics import FLOOR
 from .store import Store
 from .summary import Row, grouped
+from .tables import label_of
 from .trace import read_trace
 
-LABELS = {
-    "mape": "total MAPE / %",
-    "objective": "RMS misfit / tolerances",
-    "rmse": "total RMSE",
-    "v_rmse_mv": "voltage RMSE / mV",
-}
 _MOST_DOTS = 400
 _COLOURS = (
     "#0b5cad",
@@ -57,8 +52,9 @@ def distributions(rows: Sequence[Row], group: str, metric: str) -> str:
     if not groups or (group != "mode" and len(groups) < 2):
         return ""
     across = min(len(groups), 5)
-    figure, panels = _panels(len(groups), across, width=max(1.7, 0.42 * len(methods) + 0.9), height=3.2, sharey=True)
-    for panel, name in zip(panels, groups, strict=False):
+    width = max(1.7, 0.42 * len(methods) + 0.9)
+    figure, panels = _panels(len(groups), _on_axis(metric), across, width=width)
+    for panel, name in zip(panels, groups, strict=True):
         columns = [
             [max(row[metric], FLOOR) for row in rows if row[group] == name and row["method"] == method]
             for method in methods
@@ -75,7 +71,6 @@ def distributions(rows: Sequence[Row], group: str, metric: str) -> str:
         panel.set_xticks(places, methods, rotation=50, ha="right", rotation_mode="anchor")
         panel.set_yscale("log")
         panel.set_title(name, fontsize=10)
-    _outer_labels(panels, across, LABELS.get(metric, metric))
     return _svg(figure, f"by-{group}")
 
 
@@ -83,8 +78,8 @@ def convergence(rows: Sequence[Row], store: Store) -> str:
     """Median of the best error so far over the simulations, with a band from quartile to quartile."""
     modes = list(dict.fromkeys(row["mode"] for row in rows))
     methods = _methods(rows)
-    figure, panels = _panels(len(modes), len(modes), width=4.6, height=3.2, sharey=True)
-    for panel, mode in zip(panels, modes, strict=False):
+    figure, panels = _panels(len(modes), f"{_of_objective(rows)}, best so far")
+    for panel, mode in zip(panels, modes, strict=True):
         for method, colour in zip(methods, _colours(methods), strict=True):
             own = [row["identity"] for row in rows if (row["mode"], row["method"]) == (mode, method)]
             traces = [trace for identity in own if (trace := read_trace(store.cell(identity)).objective)]
@@ -97,8 +92,7 @@ def convergence(rows: Sequence[Row], store: Store) -> str:
         panel.set_yscale("log")
         panel.set_xlabel("simulations")
         panel.set_title(mode, fontsize=10)
-    panels[0].set_ylabel(f"{_of_objective(rows)}, best so far")
-    panels[-1].legend(fontsize=8, frameon=False)
+    _legend(panels)
     return _svg(figure, "convergence")
 
 
@@ -106,9 +100,9 @@ def _of_objective(rows: Sequence[Row]) -> str:
     """What the runs minimised, with its unit, where it is the same error in all."""
     for name in ("mape", "v_rmse_mv"):
         if all(row["objective"] == row[name] for row in rows):
-            return LABELS[name]
+            return _on_axis(name)
     has_its_own = any(row["mape"] is not None or row["v_rmse_mv"] is not None for row in rows)
-    return "objective" if has_its_own else LABELS["objective"]
+    return "objective" if has_its_own else _on_axis("objective")
 
 
 def _quartiles(traces: Sequence[Sequence[float | None]]) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -140,8 +134,8 @@ def pareto(rows: Sequence[Row], metric: str) -> str:
     methods = _methods(rows)
     if not axes or len(methods) < 2:
         return ""
-    figure, panels = _panels(len(axes), len(axes), width=3.3, height=3.1, sharey=True)
-    for panel, (name, label) in zip(panels, axes, strict=False):
+    figure, panels = _panels(len(axes), _on_axis(metric), width=3.3, height=3.1)
+    for panel, (name, label) in zip(panels, axes, strict=True):
         points = {method: _medians(rows, method, name, metric) for method in methods}
         for (method, (spent, error, low, high)), colour in zip(points.items(), _colours(methods), strict=True):
             panel.errorbar(
@@ -151,8 +145,7 @@ def pareto(rows: Sequence[Row], metric: str) -> str:
         panel.plot([x for x, _ in front], [y for _, y in front], "--", color="#999999", linewidth=1, zorder=0)
         panel.set_yscale("log")
         panel.set_xlabel(label)
-    panels[0].set_ylabel(LABELS.get(metric, metric))
-    panels[-1].legend(fontsize=8, frameon=False)
+    _legend(panels)
     return _svg(figure, "effort")
 
 
@@ -175,15 +168,14 @@ def _front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
 
 def round_times(times: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
     """Times round by round, s: a panel for each kind of time, a line a method."""
-    figure, panels = _panels(len(times), len(times), width=4.6, height=3.2, sharey=True)
+    figure, panels = _panels(len(times), "time / s")
     for panel, (title, by_method) in zip(panels, times.items(), strict=True):
         for (method, seconds), colour in zip(by_method.items(), _colours(list(by_method)), strict=True):
             panel.plot(range(1, len(seconds) + 1), seconds, ".-", color=colour, label=method)
         panel.set_yscale("log")
         panel.set_xlabel("round")
         panel.set_title(title, fontsize=10)
-    panels[0].set_ylabel("time / s")
-    panels[-1].legend(fontsize=8, frameon=False)
+    _legend(panels)
     return _svg(figure, "rounds")
 
 
@@ -195,25 +187,37 @@ def _colours(methods: Sequence[str]) -> list[str]:
     return [_COLOURS[place % len(_COLOURS)] for place in range(len(methods))]
 
 
-def _panels(count: int, across: int, width: float, height: float, sharey: bool) -> tuple[Any, list[Any]]:
+def _on_axis(metric: str) -> str:
+    """An error as axes call it."""
+    return label_of(metric).replace(", ", " / ")
+
+
+def _panels(
+    count: int, label: str, across: int | None = None, width: float = 4.6, height: float = 3.2
+) -> tuple[Any, list[Any]]:
+    """A figure and its panels with one scale, whose label stands at the first of each row; one row by default."""
     # Figures are made without pyplot, which would keep them and look for a display.
     from matplotlib.figure import Figure
 
+    across = across or count
     down = -(-count // across)
     figure = Figure(figsize=(width * across + 0.6, height * down), layout="constrained")
-    panels = list(figure.subplots(down, across, sharey=sharey, squeeze=False).flat)
+    panels = list(figure.subplots(down, across, sharey=True, squeeze=False).flat)
     for panel in panels[count:]:
         panel.set_axis_off()
     for panel in panels[:count]:
         panel.grid(axis="y", alpha=0.3)
         panel.spines[["top", "right"]].set_visible(False)
+    for panel in panels[:count:across]:
+        panel.set_ylabel(label)
     return figure, panels[:count]
 
 
-def _outer_labels(panels: Sequence[Any], across: int, label: str) -> None:
-    for place, panel in enumerate(panels):
-        if place % across == 0:
-            panel.set_ylabel(label)
+def _legend(panels: Sequence[Any]) -> None:
+    """Every method once, in the last panel, whichever panels it is in."""
+    shown = {label: line for panel in panels for line, label in zip(*panel.get_legend_handles_labels(), strict=True)}
+    if shown:
+        panels[-1].legend(shown.values(), shown.keys(), fontsize=8, frameon=False)
 
 
 def _svg(figure: Any, name: str) -> str:
@@ -228,5 +232,4 @@ def _svg(figure: Any, name: str) -> str:
         figure.savefig(buffer, format="svg", metadata=empty, transparent=True)
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
-    prefixed: Callable[[re.Match[str]], str] = lambda found: f"{found[1]}{name}-{found[2]}"  # noqa: E731
-    return re.sub(r'((?:id="|href="#|url\(#))([^")]+)', prefixed, text)
+    return re.sub(r'(id="|href="#|url\(#)', rf"\g<1>{name}-", text)

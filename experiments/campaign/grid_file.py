@@ -39,6 +39,11 @@ class SuiteFilter(BaseModel, extra="forbid"):
     noise_mv: float = Field(0.0, ge=0, description="Noise put on the voltage of the targets, mV.")
     folder: Path | None = Field(None, description="Where the published files are, if not beside the repository.")
 
+    @field_validator("cases")
+    @classmethod
+    def _number(cls, cases: int | str | list[str] | None) -> int | str | list[str] | None:
+        return int(cases) if isinstance(cases, str) and cases.strip().isdecimal() else cases
+
 
 class BackendChoice(PluginChoice):
     """A language model and how it may be used; in a file either its name alone or a mapping."""
@@ -90,10 +95,10 @@ class Budgets(BaseModel, extra="forbid"):
 class Included(Budgets):
     """More cells: the grid again with some axes or budgets replaced."""
 
-    tasks: list[TaskChoice] | None = Field(None, description="Instead of the grid's tasks.")
-    backends: list[BackendChoice] | None = Field(None, description="Instead of the grid's backends.")
-    scaffolds: list[str | Scaffold] | None = Field(None, description="Instead of the grid's scaffolds.")
-    seeds: list[int] | None = Field(None, description="Instead of the grid's seeds.")
+    tasks: list[TaskChoice] | None = Field(None, min_length=1, description="Instead of the grid's tasks.")
+    backends: list[BackendChoice] | None = Field(None, min_length=1, description="Instead of the grid's backends.")
+    scaffolds: list[str | Scaffold] | None = Field(None, min_length=1, description="Instead of the grid's scaffolds.")
+    seeds: list[NonNegativeInt] | None = Field(None, min_length=1, description="Instead of the grid's seeds.")
 
 
 class GridFile(Budgets):

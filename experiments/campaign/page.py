@@ -50,8 +50,9 @@ def build_page(
     """Write the page of a campaign: ``bsa report GRID``.
 
     The rounds of each run (hypotheses, changes, errors) are part of the page. The run's own report with its curves is a
-    file beside its journal: the page links to those that exist. ``full`` writes the report of every finished run first;
-    ``out`` is ``index.html`` in the campaign's folder by default. Raises `BsaError`: as `open_campaign`.
+    file beside its journal: the page links to those that exist. ``full`` writes the report of every finished
+    calibration first; ``out`` is ``index.html`` in the campaign's folder by default. Raises `BsaError`: as
+    `open_campaign`.
     """
     if out is not None:
         check_page(out)
@@ -61,7 +62,8 @@ def build_page(
     if full:
         for row in rows:
             if row["state"] == "done":
-                build_report(place.cell(row["identity"]))
+                with suppress(BsaError):  # a discovery or an item of a study, which have no such report
+                    build_report(place.cell(row["identity"]))
     figures = draw_all(rows, place, campaign.metric)
     page = template("page.html.j2", Path(__file__).parent).render(
         name=campaign.about["name"],

@@ -153,11 +153,13 @@ def _state(
         return ("failed", str(entry["trouble"])) if entry["trouble"] else ("missing", "")
     if report is not None and report.state in ("failed", "lost"):
         return "failed", report.reason
-    if result is not None and result.get("status") != OUTAGE:
-        return ("done", "") if result.get("status") in FINAL else ("stopped", str(result.get("status")))
-    failure = read_json(folder / FAILURE)
+    if result is not None and result["status"] in FINAL:
+        return "done", ""
+    failure = read_json(folder / FAILURE)  # of the last attempt, which may have had a result before
     if failure is not None:
         return "failed", str(failure.get("reason"))
+    if result is not None and result["status"] != OUTAGE:
+        return "stopped", str(result["status"])
     return ("stopped", "interrupted") if begun else ("missing", "")
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ...core.printable import counted
 from ...core.trajectory import FloatArray
 from .summary import Row
 
@@ -58,7 +59,7 @@ class Comparison:
         if self.cases + self.missing < FEWEST_CASES:
             return f"too few cases ({self.cases}) to tell"
         if self.missing:
-            return f"not claimed: {self.missing} cases without a result"
+            return f"not claimed: {counted(self.missing, 'case')} without a result"
         return "no difference shown"
 
 

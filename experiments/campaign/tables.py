@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -64,11 +65,11 @@ class Campaign:
 
     @property
     def reference(self) -> str:
-        """The method that others are compared with: the one named, whole or by its scaffold, else the first."""
+        """The method that others are compared with: the first of the scaffold that is named, else the first."""
         wanted = self.about.get("reference")
         return next((method for method in self.methods if wanted and method.split(" · ")[0] == wanted), self.methods[0])
 
-    @property
+    @cached_property
     def comparisons(self) -> list[Comparison]:
         """Every method against the reference."""
         return compare(self.rows, self.reference, self.metric)

@@ -33,22 +33,18 @@ OWN = "own"
 def gather(
     choices: Sequence[TaskChoice], store: Store, near: Path, say: Say = lambda line: None, make: bool = True
 ) -> list[TaskLabel]:
-    """The tasks of a grid, each made at most once and kept.
+    """The tasks that are chosen, each made at most once and kept.
 
     Task files are looked for in ``near``, the grid's folder, first. ``say`` is told of each target that is made, which
     takes seconds; without ``make`` tasks of a suite that are not in the store are not made.
     """
-    labels: dict[str, TaskLabel] = {}
+    found: list[TaskLabel] = []
     for choice in choices:
-        found = (
-            _from_suite(choice, store, say, make) if isinstance(choice, SuiteFilter) else [_own(choice, store, near)]
-        )
-        for label in found:
-            known = labels.get(label.key)
-            if known is not None and known.digest != label.digest:
-                raise BsaError(f'two different tasks of the grid are called "{label.key}".', "rename one of them.")
-            labels[label.key] = label
-    return list(labels.values())
+        if isinstance(choice, SuiteFilter):
+            found += _from_suite(choice, store, say, make)
+        else:
+            found.append(_own(choice, store, near))
+    return list(dict.fromkeys(found))
 
 
 def _own(name: str, store: Store, near: Path) -> TaskLabel:
@@ -120,20 +116,22 @@ def _case(case: SuiteCase, search: str | None, start: int, store: Store, say: Sa
             return replace(label, digest=digest, trouble=trouble)
     if not make:
         return label
-    from ..suite.build import build_task
+    from ..suite.build import NoTarget, build_task
 
     say(f"making the target of {label.key} ({case.parameter_set}, {case.rates})")
     try:
         label = replace(label, digest=store.put_task(started(build_task(case, search), start)))
     except BsaError as error:
         label = replace(label, trouble=error.message)
+        if not isinstance(error, NoTarget):  # a full disk, perhaps: the next command tries again
+            return label
     write_json(note, {"digest": label.digest, "trouble": label.trouble})
     return label
 
 
 def _reference(case: SuiteCase, search: str | None, start: int) -> str:
     content: dict[str, Any] = {
-        "case": asdict(replace(case, changes=dict(case.changes), growth=dict(case.growth))),
+        "case": asdict(case),
         "search": search,
         "start": start,
         "versions": versions_of_study(),

@@ -59,7 +59,7 @@ class Cases:
             SuiteFilter,
             {
                 "suite": self.suite,
-                "cases": int(self.cases) if self.cases and self.cases.isdigit() else self.cases,
+                "cases": self.cases,
                 "folder": self.published,
                 "noise_mv": self.noise_mv,
                 "draw": seed if self.suite == "random" else 0,

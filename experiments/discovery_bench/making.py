@@ -10,13 +10,17 @@ from typing import Any
 import pybamm
 
 from ...core.errors import BsaError
-from ...core.files import entries, foreign, write_text
+from ...core.files import begins, entries, foreign, write_text
 
 Make = Callable[[Path, int, int, int], dict[str, Any]]
 """Writes a case into a folder and gives its answer, from the seed of a set, the case's number, and which attempt it
 is."""
 
 SEALED = "answers.sealed"
+
+_BEGINNING = b"eJ"
+"""How every sealed file begins: the head of compressed data in base64."""
+
 DESCRIPTION = "case.json"
 
 POINTS = 300
@@ -39,10 +43,11 @@ def make_cases(
     nothing of what is hidden. Where a case cannot be made another one is drawn. Raises `BsaError` if the folder holds
     other things, or cases of another seed.
     """
-    found = any(folder.glob(f"case_*/{DESCRIPTION}"))
+    found = begins(folder / SEALED, _BEGINNING)
     if entries(folder) and not found:
         raise foreign(folder, "a folder of blind cases")
     answers = _known(folder, seed) if found else {}
+    _seal(folder, seed, answers)  # marks the folder as ours before the first case, which may take minutes
     made = []
     for number in range(count):
         name = f"case_{number + 1:03d}"
@@ -57,11 +62,11 @@ def make_cases(
 
 def _known(folder: Path, seed: int) -> dict[str, Any]:
     content = _opened(folder)
-    if content.get("seed") != seed:
+    if content.get("seed") != seed and content.get("answers"):
         raise BsaError(
             f"{folder} holds cases of seed {content.get('seed')}, not {seed}.", "give that seed, or another folder."
         )
-    return dict(content["answers"])
+    return dict(content.get("answers", {}))
 
 
 def _seal(folder: Path, seed: int, answers: dict[str, Any]) -> None:
@@ -76,8 +81,10 @@ def _first_that_runs(
         try:
             return make(folder, seed, number, attempt)
         except (pybamm.SolverError, BsaError, ValueError, IndexError) as error:
+            if isinstance(error.__context__, OSError):  # a full disk: the seed's case is still this one
+                raise
             listener(f"{folder.name}: draw {attempt + 1} failed ({type(error).__name__})")
-    raise BsaError(f"{folder.name} could not be made in {_DRAWS} draws.", "another --seed may do.")
+    raise BsaError(f"{folder.name} could not be made in {_DRAWS} draws.", "another --seed may do, in another folder.")
 
 
 def unseal(folder: Path) -> dict[str, Any]:

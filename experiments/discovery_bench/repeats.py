@@ -8,7 +8,8 @@ import numpy as np
 from ...core.errors import BsaError
 from ...core.inference.reference import check_tests, lacking, less
 from ...core.rms import rms
-from ..campaign.text_tables import table_of
+from ..campaign.summary import grouped
+from ..campaign.text_tables import markdown_table
 from ..discovery_case import DiscoverOptions, read_case
 from ..discovery_setup import set_up
 
@@ -50,28 +51,11 @@ def repeats(options: DiscoverOptions) -> list[Repeat]:
 
 def repeats_table(rows: Sequence[Repeat]) -> str:
     """Markdown: by the number of references, what is left, and over what is taken to be uncertain."""
-    summary = []
-    for references in sorted({row.references for row in rows}):
-        some = [row for row in rows if row.references == references]
-        median, ninth, largest = np.percentile([row.ratio for row in some], [50, 90, 100])
-        summary.append(
-            {
-                "references": references,
-                "records": len(some),
-                "known": float(np.median([row.known_mv for row in some])),
-                "left": float(np.median([row.left_mv for row in some])),
-                "median": float(median),
-                "ninth": float(ninth),
-                "largest": float(largest),
-            }
-        )
-    columns = {
-        "references": "{references:.0f}",
-        "records": "{records:.0f}",
-        "the model lacks / mV": "{known:.1f}",
-        "left / mV": "{left:.1f}",
-        "over the uncertain: median": "{median:.2f}",
-        "90 % of the records": "{ninth:.2f}",
-        "largest": "{largest:.2f}",
-    }
-    return table_of(summary, columns, 0)
+    lines = []
+    for references, some in grouped(rows, "references").items():
+        known, left = (np.median([getattr(row, name) for row in some]) for name in ("known_mv", "left_mv"))
+        ratios = np.percentile([row.ratio for row in some], [50, 90, 100])
+        numbers = [f"{known:.1f}", f"{left:.1f}", *(f"{ratio:.2f}" for ratio in ratios)]
+        lines.append([f"{references:.0f}", str(len(some)), *numbers])
+    over = ["over the uncertain: median", "90 % of the records", "largest"]
+    return markdown_table(["references", "records", "the model lacks / mV", "left / mV", *over], lines, 0)

@@ -8,7 +8,7 @@ from typing import Any
 
 from ...core.contracts.effect_choice import effects_of
 from ...core.files import read_json, write_json
-from ...core.run.journal import Journal, read_events
+from ...core.run.journal import FORMAT, Journal, read_events
 from ...core.run.recording import Recorder
 from ...core.run.run_config import hash_of
 from ...core.shape import decoding, shaped
@@ -73,7 +73,10 @@ def rank(folder: Path, report: Report, backend: BackendChoice, seed: int) -> dic
 
     effects = effects_of(report.effects)
     with closing(Journal(folder)) as journal:
-        recorder = Recorder(journal, list(read_events(folder)))
+        earlier = list(read_events(folder))
+        if not earlier:
+            journal.append("run", format=FORMAT, kind="ranking")
+        recorder = Recorder(journal, earlier)
         with closing(recorder.around(open_backend(backend.use, backend.options))) as model:
             found = rankings(model, report.discrepancy, effects, seed)
         spent = recorder.usage

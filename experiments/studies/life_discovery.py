@@ -53,50 +53,41 @@ class Hidden:
     model: str = MODEL  # PyBaMM's, of the cell and of the search.
 
 
-def _scaled_plating(values: Any) -> dict[str, Any]:
-    usual = values["Exchange-current density for plating [A.m-2]"]
+def _times(factor: float, name: str) -> Callable[[Any], Mapping[str, Any]]:
+    """A change that multiplies a parameter, number or function."""
 
-    def scaled(*arguments: Any) -> Any:
-        return 0.015 * usual(*arguments)
+    def change(values: Any) -> dict[str, Any]:
+        usual = values[name]
+        return {name: (lambda *arguments: factor * usual(*arguments)) if callable(usual) else factor * usual}
 
-    return {"Exchange-current density for plating [A.m-2]": scaled}
+    return change
 
 
 HIDDEN = {
     "diffusion": Hidden(
-        "sei-growth",
-        {"SEI": "solvent-diffusion limited"},
-        lambda values: {"SEI solvent diffusivity [m2.s-1]": 40 * values["SEI solvent diffusivity [m2.s-1]"]},
+        "sei-growth", {"SEI": "solvent-diffusion limited"}, _times(40, "SEI solvent diffusivity [m2.s-1]")
     ),
     "reaction": Hidden(
-        "sei-growth",
-        {"SEI": "reaction limited"},
-        lambda values: {
-            "SEI reaction exchange current density [A.m-2]": 3 * values["SEI reaction exchange current density [A.m-2]"]
-        },
+        "sei-growth", {"SEI": "reaction limited"}, _times(3, "SEI reaction exchange current density [A.m-2]")
     ),
-    "plating": Hidden("lithium-plating", {"lithium plating": "irreversible"}, _scaled_plating),
+    "plating": Hidden(
+        "lithium-plating",
+        {"lithium plating": "irreversible"},
+        _times(0.015, "Exchange-current density for plating [A.m-2]"),
+    ),
     "material": Hidden(
         "loss-of-active-material",
         {"loss of active material": ("stress-driven", "none"), "particle mechanics": "swelling only"},
-        lambda values: {
-            "Negative electrode LAM constant proportional term [s-1]": 20
-            * values["Negative electrode LAM constant proportional term [s-1]"]
-        },
+        _times(20, "Negative electrode LAM constant proportional term [s-1]"),
     ),
     "resistance": Hidden("resistance-growth", {"contact resistance": "true"}, lambda values: {}, 1e-4),
     "electrons": Hidden(
-        "sei-growth",
-        {"SEI": "electron-migration limited"},
-        lambda values: {"SEI electron conductivity [S.m-1]": 60 * values["SEI electron conductivity [S.m-1]"]},
+        "sei-growth", {"SEI": "electron-migration limited"}, _times(60, "SEI electron conductivity [S.m-1]")
     ),
     "interstitials": Hidden(
         "sei-growth",
         {"SEI": "interstitial-diffusion limited"},
-        lambda values: {
-            "SEI lithium interstitial diffusivity [m2.s-1]": 2000
-            * values["SEI lithium interstitial diffusivity [m2.s-1]"]
-        },
+        _times(2000, "SEI lithium interstitial diffusivity [m2.s-1]"),
     ),
     "cracks": Hidden(
         "sei-growth",
@@ -258,7 +249,7 @@ def modes_table(rows: Sequence[Row]) -> str:
     quantities = list(dict.fromkeys(row["quantity"] for row in rows))
     found = {(row["task"], row["quantity"]): f"{brief(row['value'])} ± {brief(row['half'])}" for row in rows}
     lines = [
-        [f"{life} ({own[0]['cycle']:.0f})", *(found[life, quantity] for quantity in quantities)]
+        [f"{life} ({own[0]['cycle']:.0f})", *(found.get((life, quantity), "–") for quantity in quantities)]
         for life, own in grouped(rows, "task").items()
     ]
     return markdown_table(["life (cycle)", *quantities], lines)

@@ -10,6 +10,7 @@ from typing import Any
 from ...core.files import write_csv, write_text
 from ...core.proposal import unusable_replies
 from ...core.run.journal import read_events
+from ...core.scaffold import load_scaffold
 from ..campaign.grid_file import BackendChoice, GridFile, Included, SuiteFilter
 from ..campaign.results import check_grid_folder
 from ..campaign.running import Plan
@@ -102,10 +103,10 @@ def card(
     reports: Sequence[Report],
     store: Store,
 ) -> Card:
-    """The card of a backend, from the rows of `models_grid` and of its rankings."""
-    done = with_results(rows)
-    own = _by_task(done, scaffold=scaffold, backend=backend)
-    rules = _by_task(done, scaffold=scaffold, backend="rules")
+    """The card of a backend, from the rows of `models_grid` and of its rankings; the scaffold may be a file."""
+    done, name = with_results(rows), load_scaffold(scaffold).name
+    own = _by_task(done, scaffold=name, backend=backend)
+    rules = _by_task(done, scaffold=name, backend="rules")
     hybrid = _by_task(done, scaffold="hybrid", backend="rules")
     common = [task for task in own if task in rules and task in hybrid]
     traces = [trace_of(own[task], store) for task in common]

@@ -15,7 +15,7 @@ from ...core.parameters import Candidate, ParameterSpace
 from ...core.simulation import Outcome
 from ...core.task import Task
 from ..campaign.store import Store
-from ..campaign.summary import Row, grouped, statistic
+from ..campaign.summary import Row, grouped, mean_of
 from ..campaign.text_tables import brief, markdown_table
 from ..run_record import RunRecord, read_run
 from ..suite.case import SuiteCase
@@ -103,8 +103,7 @@ def recovery_table(rows: Sequence[Row], held: Sequence[Row]) -> tuple[str, list[
     rates = sorted({row["rate"] for row in held})
     mean = {
         quality: [
-            statistic([row["mape"] for row in held if (row["quality"], row["rate"]) == (quality, rate)]).mean
-            for rate in rates
+            mean_of([row for row in held if (row["quality"], row["rate"]) == (quality, rate)], "mape") for rate in rates
         ]
         for quality in _QUALITIES
     }
@@ -113,22 +112,23 @@ def recovery_table(rows: Sequence[Row], held: Sequence[Row]) -> tuple[str, list[
     ratios = [
         noisy / found if found else math.inf for noisy, found in zip(mean["5 % noise"], mean["recovered"], strict=True)
     ]
-    means = {
-        name: statistic([row[name] for row in rows]).mean
-        for name in ("pearson", "spearman", "share_of_steps_that_co_decrease")
-    }
+    means = {name: mean_of(rows, name) for name in ("pearson", "spearman", "share_of_steps_that_co_decrease")}
     median = float(np.median([row["median_relative_error"] for row in rows]))
     largest = max(row["largest_relative_error"] for row in rows)
-    return markdown_table(heads, lines), [
-        f"* What was recovered predicts rates that were not fitted {min(ratios):.0f} to {max(ratios):.0f} times "
-        f"better than the truth known to 5 %.",
+    remarks = []
+    if ratios:
+        remarks.append(
+            f"* What was recovered predicts rates that were not fitted {min(ratios):.0f} to {max(ratios):.0f} times "
+            "better than the truth known to 5 %."
+        )
+    remarks += [
         f"* A parameter's own error: median {median:.1%} (of the cases' medians), largest {largest:.0%}.",
         f"* Within a case, over its successive best trials, errors of curve and parameters correlate with Pearson "
-        f"{means['pearson']:.2f} and "
-        f"Spearman {means['spearman']:.2f}; they fall together in {means['share_of_steps_that_co_decrease']:.0%} of "
-        f"the steps (means of the cases; "
-        "the paper reports 0.963 and 1.000).",
+        f"{means['pearson']:.2f} and Spearman {means['spearman']:.2f}; they fall together in "
+        f"{means['share_of_steps_that_co_decrease']:.0%} of the steps (means of the cases; the paper reports 0.963 and "
+        "1.000).",
     ]
+    return markdown_table(heads, lines), remarks
 
 
 def parameter_error(space: ParameterSpace, candidate: Candidate, truth: Candidate) -> float:

@@ -7,7 +7,7 @@ from typing import Any
 from ...core.files import write_csv, write_text
 from ...core.scaffold import PluginChoice, Scaffold
 from ..campaign.store import Store
-from ..campaign.summary import Row
+from ..campaign.summary import Row, grouped
 from ..campaign.text_tables import brief, markdown_table, spread
 from .grids import trace_of, with_results
 
@@ -41,8 +41,10 @@ def warm_up_table(rows: Sequence[Row]) -> str:
     """Errors after the warm-up and at the end, by kind of warm-up."""
     cases = list(dict.fromkeys(row["task"] for row in rows))
     lines = []
-    for method in dict.fromkeys(row["method"] for row in rows):
-        own = {row["task"]: row for row in rows if row["method"] == method}
+    for method, found in grouped(rows, "method").items():
+        own = {row["task"]: row for row in found}
         both = [spread([row[name] for row in own.values()]) for name in ("after_warm_up_mape", "mape")]
-        lines.append([method.partition("+")[2], *both, *(brief(own[case]["mape"]) for case in cases)])
+        lines.append(
+            [method.partition("+")[2], *both, *(brief(own[case]["mape"]) if case in own else "–" for case in cases)]
+        )
     return markdown_table(["MAPE / %", "best after it", "at the end", *cases], lines)

@@ -13,11 +13,15 @@ _SEARCHED = {"sei": "sei", "life": "ageing"}
 """Search-space preset by the mode of a case."""
 
 
+class NoTarget(BsaError):
+    """PyBaMM cannot simulate the true cell of a case."""
+
+
 def build_task(case: SuiteCase, search: str | Mapping[str, Any] | None = None) -> Task:
     """The task of a case: its base cell, its target, and generic physical bounds.
 
     The search space is given as in `resolve_space`; by default it is ``geometry``, or ``sei`` or ``ageing`` for the
-    ageing cases. Raises `BsaError` if the true cell cannot be simulated at all.
+    ageing cases. Raises `NoTarget` if the true cell cannot be simulated at all.
     """
     from ...plugins.pybamm.before_search.presets import resolve_space
 
@@ -27,7 +31,7 @@ def build_task(case: SuiteCase, search: str | Mapping[str, Any] | None = None) -
     reached = run.trajectory
     if reached is None or (experiment.scored_cycle is not None and experiment.scored_cycle not in reached.cycles):
         reason = run.failure.cause if run.failure else "it ends before the scored cycle"
-        raise BsaError(f"{case.key}: PyBaMM cannot simulate the true cell ({reason}).", "leave the case out.")
+        raise NoTarget(f"{case.key}: PyBaMM cannot simulate the true cell ({reason}).", "leave the case out.")
     notes: tuple[str, ...] = ()
     if run.failure is not None:
         notes = (f'The target itself stops in "{run.failure.step}" ({run.failure.cause}); what it reached is scored.',)

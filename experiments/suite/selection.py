@@ -46,8 +46,6 @@ def choose(
     each; the seed says which), keys or patterns (``"regular-134"``, ``"extreme-*"``, or several joined by commas); all
     by default. Ageing cases come only when named: they take hours. Raises `BsaError` if a key or pattern fits no case.
     """
-    if isinstance(wanted, str) and wanted.strip().isdigit():
-        wanted = int(wanted)
     ordinary = {key: case for key, case in cases.items() if case.mode != _LEAVE_OUT_UNLESS_NAMED}
     if wanted is None:
         return ordinary
@@ -58,7 +56,7 @@ def choose(
     patterns = wanted.split(",") if isinstance(wanted, str) else list(wanted)
     chosen: dict[str, SuiteCase] = {}
     for pattern in (text.strip() for text in patterns):
-        found = {key: case for key, case in cases.items() if key == pattern or fnmatch(key, pattern)}
+        found = {key: case for key, case in cases.items() if fnmatch(key, pattern)}
         if not found:
             raise BsaError(
                 f'no case is called "{pattern}".',

@@ -4,8 +4,8 @@ A target costs seconds, so each is kept on disk under a hash of everything it de
 PyBaMM, and the sources that simulate it.
 """
 
-import json
 import os
+from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -15,9 +15,10 @@ import numpy as np
 from ...core.ageing.choice import kept_cycles
 from ...core.encoding import decode_outcome, encode_cell, encode_outcome
 from ...core.errors import BsaError
-from ...core.files import write_json
+from ...core.files import read_json, write_json
 from ...core.parameters import Candidate
 from ...core.run.run_config import hash_of
+from ...core.shape import decoding
 from ...core.simulation import ExperimentRun, Outcome
 from ...core.target import change_of, target_named
 from ...core.task import CellModel, Experiment
@@ -87,11 +88,10 @@ def reference_run(cell: CellModel, experiment: Experiment, candidate: Candidate)
         **({"detailed_cycles": experiment.detailed_cycles} if experiment.long else {}),
     }
     path = cache_folder() / f"{hash_of(content, 32)}.json"
-    if path.is_file():
-        try:
-            return decode_outcome(json.loads(path.read_text(encoding="utf-8"))).runs[0]
-        except (ValueError, KeyError, TypeError):
-            path.unlink()  # damaged by a crash of the machine: make it again
+    kept = read_json(path)
+    if kept is not None:
+        with suppress(BsaError), decoding(path, "a target", ""):  # damaged by a crash of the machine: made again
+            return decode_outcome(kept).runs[0]
     run = _solve(cell, experiment, candidate)
     write_json(path, encode_outcome(Outcome((run,))))
     return run

@@ -119,6 +119,27 @@ def test_slurm_jobs_are_described_by_a_file(tmp_path, ctrl_c):
     assert "--nthreads 1" in script
 
 
+def test_lines_before_the_workers_stand_in_the_job(ctrl_c):
+    cluster = slurm_cluster(SlurmConfig(jobs=1, job_script_prologue=["module load python"]))
+    try:
+        assert "\nmodule load python\n" in cluster.job_script()
+    finally:
+        cluster.close()
+
+
+@pytest.mark.parametrize("key", ["acount", "processes", "memory"])
+def test_a_key_that_dask_jobqueue_refuses_is_explained(key, ctrl_c):
+    with pytest.raises(BsaError, match=f"dask-jobqueue refuses.*{'many' if key == 'memory' else key}"):
+        slurm_cluster(SlurmConfig(jobs=1, **{key: "many"}))
+
+
+def test_lines_before_the_workers_are_a_list(tmp_path):
+    path = tmp_path / "slurm.yaml"
+    path.write_text("jobs: 1\njob_script_prologue: module load python")
+    with pytest.raises(BsaError, match="job_script_prologue"):
+        load_slurm(path)
+
+
 @pytest.mark.parametrize("text", ["cores: 2", "jobs: 0", "jobs: many"])
 def test_a_wrong_slurm_file_is_explained(tmp_path, text):
     path = tmp_path / "slurm.yaml"

@@ -1,12 +1,17 @@
 """Grid files: what is refused, and with which words."""
 
+import json
+
 import pytest
+from bsa.core.encoding import encode_task
 from bsa.core.errors import BsaError
+from bsa.core.scaffold import BUILT_IN
 from bsa.experiments.campaign.expansion import expand
 from bsa.experiments.campaign.grid_file import load_grid, shipped_names
 from bsa.experiments.campaign.running import run_campaign
 from bsa.experiments.campaign.store import Store
 from bsa.experiments.suite.case import SuiteCase
+from bsa_toy_cell import HIDDEN, toy_task
 
 from .conftest import Here, Quiet, write_grid
 
@@ -26,6 +31,15 @@ def test_an_unknown_grid_is_named_with_the_shipped_ones():
 def test_seeds_are_checked(tmp_path, seeds):
     with pytest.raises(BsaError, match="seeds"):
         load_grid(str(write_grid(tmp_path, seeds=seeds)))
+
+
+@pytest.mark.parametrize(
+    "included", [{"seeds": [-1]}, {"seeds": []}, {"scaffolds": []}, {"backends": []}, {"tasks": []}]
+)
+def test_axes_of_included_cells_are_checked_as_those_of_the_grid(tmp_path, included):
+    (key,) = included
+    with pytest.raises(BsaError, match=key):
+        load_grid(str(write_grid(tmp_path, include=[included])))
 
 
 def test_set_replaces_any_key(tmp_path):
@@ -165,3 +179,32 @@ def test_samplers_of_a_grid_spend_their_whole_budget(make_plan):
     rows, _ = run_campaign(plan, Here(), Quiet())
     assert {row["simulations"] for row in rows} == {30}
     assert {row["status"] for row in rows} == {"simulations-spent"}
+
+
+def test_two_tasks_of_one_name_are_refused_in_included_cells_too(make_plan, tmp_path):
+    """Tables pair the cells of methods by the name of their task."""
+    other = tmp_path / "other.json"
+    other.write_text(json.dumps(encode_task(toy_task({name: 1.02 * value for name, value in HIDDEN.items()}, "toy-0"))))
+    with pytest.raises(BsaError, match='two different tasks of the grid are called "toy-0"'):
+        make_plan(tasks=1, include=[{"tasks": [str(other)], "scaffolds": ["digest"]}])
+    assert {cell.task.key for cell in make_plan(tasks=2, include=[{"tasks": ["toy-1.json"], "seeds": [2]}]).cells} == {
+        "toy-0",
+        "toy-1",
+    }
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {"include": [{"scaffolds": ["full"], "simulations": 4}]},
+        {"backends": ["rules", {"use": "rules", "options": {"votes": 3}}]},
+        {"scaffolds": ["full", "mine.yaml"]},
+    ],
+    ids=["budgets", "options of a backend", "scaffolds of one name"],
+)
+def test_cells_that_tables_cannot_tell_apart_are_refused(make_plan, tmp_path, content):
+    write_grid(tmp_path / "grid")
+    mine = (BUILT_IN / "full.yaml").read_text().replace("[priors, history, sensitivities]", "[history]")
+    (tmp_path / "grid" / "mine.yaml").write_text(mine)
+    with pytest.raises(BsaError, match='2 cells of the task "toy-0" with the scaffold "full", the backend "rules"'):
+        make_plan(tasks=1, **content)

@@ -11,12 +11,13 @@ from types import SimpleNamespace
 import pytest
 from bsa.core.contracts.registry import Registry
 from bsa.core.errors import BsaError
+from bsa.core.files import write_json
 from bsa.core.hooks import Entry, hookimpl
 from bsa.core.scaffold import PluginChoice
 from bsa.experiments.campaign import estimate as estimates
 from bsa.experiments.campaign.calibration import Calibration
 from bsa.experiments.campaign.estimate import estimate, experience, need_of
-from bsa.experiments.campaign.figures import _medians, pareto
+from bsa.experiments.campaign.figures import _medians, convergence, pareto
 from bsa.experiments.campaign.results import rows_of, write_rows
 from bsa.experiments.campaign.running import run_campaign
 from bsa.experiments.campaign.store import Store
@@ -76,6 +77,16 @@ def test_a_price_that_is_not_known_is_no_zero(finished):
     assert line.split(" | ")[heads.index("tokens") + 1] == "0"
     assert "cost / $" in pareto(rows, "mape")
     assert math.isnan(_medians(rows, "no-memory", "cost_usd", "mape")[0])
+
+
+def test_the_legend_of_convergence_has_every_method(finished):
+    """One that has run in the first mode alone, too."""
+    rows = [dict(row) for row in rows_of(noted(finished), finished.store)]
+    rows[-1]["mode"] = "extreme"
+    assert [row["method"] for row in rows if row["mode"] == "extreme"] == ["no-memory"]
+    drawn = convergence(rows, finished.store)
+    assert ">full<" in drawn
+    assert drawn.count(">no-memory<") == 1
 
 
 def test_a_grid_that_was_never_run_says_so(finished):
@@ -139,9 +150,18 @@ def test_what_finished_cells_took_is_scaled_to_the_budget(make_plan, status, all
     (cell,) = make_plan(tasks=1, scaffolds=["full"], rounds=rounds, simulations=simulations).cells
     known = row("full", "Chen2020", 1.0, status=status, simulations=10, rounds=allowed)
     known |= {"wall_s": 60.0, "tokens": 9000, "llm_calls": 3, "cost_usd": 0.1}
-    need = need_of(cell, {(cell.task.chemistry, "full", "rules"): [known]})
+    need = need_of(cell, {("own", cell.task.chemistry, "full", "rules"): [known]})
     assert (need.simulations, need.tokens, need.learnt) == (simulations, 9000 * share, True)
     assert (need.seconds, need.cost_usd) == pytest.approx((60.0 * share, 0.1 * share))
+
+
+def test_lives_do_not_tell_what_two_cycles_take(make_plan):
+    plan = make_plan(tasks=1, scaffolds=["full"])
+    run_campaign(plan, Here(), Quiet())
+    (cell,) = make_plan(tasks=1, scaffolds=["full"], seeds=[2]).cells
+    life = replace(cell, task=replace(cell.task, mode="life"))
+    past = experience(plan.store)
+    assert [need_of(one, past).learnt for one in (cell, life)] == [True, False]
 
 
 def test_how_many_rounds_a_finished_cell_was_allowed_stands_in_its_journal(make_plan):
@@ -217,6 +237,23 @@ def test_a_cell_that_failed_and_is_interrupted_when_it_is_run_again_is_stopped(m
     run_campaign(plan, Here(), Quiet())
     (after,) = rows_of(noted(plan), plan.store)
     assert (after["state"], after["reason"]) == ("stopped", "interrupted")
+
+
+def test_a_cell_that_was_interrupted_and_failed_when_it_was_run_again_has_failed(make_plan, monkeypatch):
+    plan = make_plan(tasks=1, scaffolds=["full"])
+    (cell,) = plan.cells
+    interrupted = {"status": "interrupted", "best": {}, "initial": {}}
+    write_json(plan.store.cell(cell.identity) / "result.json", interrupted)
+    (before,) = rows_of(noted(plan), plan.store)
+    assert (before["state"], before["reason"]) == ("stopped", "interrupted")
+
+    def failing(cell, folder, store):
+        raise BsaError("no server answers.")
+
+    monkeypatch.setattr(Calibration, "run", failing)
+    ((told,), _) = run_campaign(plan, Here(), Quiet())
+    (read,) = rows_of(noted(plan), plan.store)
+    assert (told["state"], told["reason"]) == (read["state"], read["reason"]) == ("failed", "no server answers.")
 
 
 def test_what_a_server_of_ones_own_costs_is_not_known(make_plan):

@@ -10,6 +10,7 @@ import pytest
 from bsa.core.errors import BsaError
 from bsa.experiments.campaign.cell import Order, Report
 from bsa.experiments.campaign.execution import LOSSES, run_cells
+from bsa.experiments.campaign.page import build_page
 from bsa.experiments.campaign.results import rows_of, write_manifest
 from bsa.experiments.campaign.running import run_campaign
 from bsa.experiments.campaign.study_cell import plan_study, rows_found, write_found
@@ -116,3 +117,9 @@ def test_an_item_that_a_study_has_not_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BsaError, match='no item "fuor"') as refused:
         plan_study("halves", halved, {"four": {"number": 4.0}}, tmp_path, ["fuor"])
     assert "four" in refused.value.hint
+
+
+def test_the_page_of_a_study_is_written_with_full_reports_too(tmp_path: Path) -> None:
+    """Its items have no report of their own."""
+    carried_out(tmp_path / "store", {"four": {"number": 4.0}})
+    assert "halves" in build_page("halves", tmp_path / "store", full=True).read_text()

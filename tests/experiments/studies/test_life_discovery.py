@@ -9,7 +9,7 @@ from bsa.core.discovery.findings import Findings, Gap
 from bsa.core.inference.adequacy import Adequacy
 from bsa.core.inference.refit import Refit
 from bsa.core.parameters import ParameterSpace
-from bsa.experiments.studies.life_discovery import HIDDEN, MEASURED, items, make, row_of
+from bsa.experiments.studies.life_discovery import HIDDEN, MEASURED, items, make, modes_table, row_of
 from bsa.plugins.effects.ageing import EFFECTS
 
 
@@ -40,3 +40,9 @@ def test_a_measured_life_is_asked_where_its_records_are_said_to_be(tmp_path: Pat
     assert list(items(None)) == [*HIDDEN]
     assert list(items(tmp_path)) == [*HIDDEN, *MEASURED]
     assert items(tmp_path)["CS2_35"]["record"] == tmp_path / "calce_cs2" / "CS2_35_all.csv.gz"
+
+
+def test_a_life_without_one_of_the_quantities_has_a_dash_there() -> None:
+    row = {"task": "a", "quantity": "lithium", "cycle": 200.0, "value": 5.0, "half": 0.5}
+    table = modes_table([row, {**row, "quantity": "resistance"}, {**row, "task": "b"}])
+    assert table.splitlines()[2:] == ["| a (200) | 5 ± 0.5 | 5 ± 0.5 |", "| b (200) | 5 ± 0.5 | – |"]

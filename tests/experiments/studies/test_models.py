@@ -4,9 +4,12 @@ import csv
 from pathlib import Path
 
 import pytest
+from bsa.backends.rules.backend import RulesBackend
 from bsa.core.contracts.effect_choice import effects_of
 from bsa.core.errors import BsaError
 from bsa.core.files import write_json
+from bsa.core.messages import BackendFailure
+from bsa.core.scaffold import BUILT_IN
 from bsa.experiments.campaign import task_sources
 from bsa.experiments.campaign.cell import Order, carry_out
 from bsa.experiments.campaign.grid_file import BackendChoice, SuiteFilter
@@ -58,6 +61,25 @@ def test_a_report_is_ranked_with_names_and_without_and_not_asked_again(tmp_path:
     assert found["by_score"] == 2.0
     assert found["named"] == report.result["named"].index("contact-resistance") + 1
     assert ranking_cell(REPORT, RULES, 8).identity != cell.identity
+
+
+def test_a_ranking_goes_on_where_the_model_was_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The ranking with names was answered; it is not asked again."""
+    order = Order(ranking_cell(REPORT, RULES, 7), Store(tmp_path / "store"))
+    answer_of, asked = RulesBackend.complete, []
+
+    def lost_once(self, messages, schema, *, seed):
+        asked.append(seed)
+        if len(asked) == 2:
+            raise BackendFailure("nobody there")
+        return answer_of(self, messages, schema, seed=seed)
+
+    monkeypatch.setattr(RulesBackend, "complete", lost_once)
+    monkeypatch.setattr("bsa.core.run.recording.ASK_AGAIN_AFTER_S", ())
+    assert carry_out(order).state == "failed"
+    report = carry_out(order)
+    assert (report.state, report.reason) == ("done", "")
+    assert (len(asked), report.result["llm_calls"], report.result["lost_calls"]) == (3, 3, 1)
 
 
 @pytest.mark.slow
@@ -134,6 +156,9 @@ def test_a_lost_call_is_no_reply(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     row |= {"llm_calls": 10, "lost_calls": 5, "tokens": 1000, "backend_s": 20.0}
     methods = [("full", "m"), ("full", "rules"), ("hybrid", "rules")]
     rows = [{**row, "scaffold": scaffold, "backend": backend} for scaffold, backend in methods]
+    (tmp_path / "mine.yaml").write_text((BUILT_IN / "full.yaml").read_text())
+    for scaffold in ("full", str(tmp_path / "mine.yaml")):
+        assert card("m", scaffold, 20, rows, [], [], Store(tmp_path)).tasks == 1
     found = card("m", "full", 20, rows, [], [], Store(tmp_path))
     assert (found.calls, found.valid_pct) == (10, pytest.approx(80.0))
     assert (found.tokens_a_call, found.seconds_a_call) == (200.0, 4.0)

@@ -23,9 +23,9 @@ from bsa.experiments.campaign.tables import tables
 from bsa.experiments.studies import recovery
 from bsa.experiments.studies.grids import study_grid
 from bsa.experiments.studies.no_harm import no_harm_grid, summary, verdicts, write_no_harm
-from bsa.experiments.studies.recovery import Recovered, within_case, write_recovery
+from bsa.experiments.studies.recovery import Recovered, recovery_table, within_case, write_recovery
 from bsa.experiments.studies.runtime import write_runtime
-from bsa.experiments.studies.warmup import STRATEGIES, with_warm_up, write_warmup
+from bsa.experiments.studies.warmup import STRATEGIES, warm_up_table, with_warm_up, write_warmup
 from bsa.experiments.suite.case import SuiteCase
 from bsa_toy_cell import CAPACITY, HIDDEN, SERIES, record, toy_scaffold, toy_task
 
@@ -138,6 +138,28 @@ def test_warm_up_study(tmp_path: Path) -> None:
     assert {row["method"] for row in found} == {"full+random-warm-up", "full+proposed-warm-up"}
     assert all(row["mape"] <= row["after_warm_up_mape"] for row in found)
     assert "| proposed-warm-up |" in (tmp_path / "out" / "warmup.md").read_text()
+
+
+def test_a_warm_up_without_a_result_of_a_case_has_a_dash_there() -> None:
+    row = {"task": "a", "method": "full+random-warm-up", "mape": 1.5, "after_warm_up_mape": 3.0}
+    table = warm_up_table([row, {**row, "task": "b"}, {**row, "method": "full+proposed-warm-up"}])
+    assert table.splitlines()[-1] == "| proposed-warm-up | 3 | 1.5 | 1.5 | – |"
+
+
+def test_what_was_recovered_is_told_where_no_cell_runs_at_another_rate() -> None:
+    names = (
+        "pearson",
+        "spearman",
+        "share_of_steps_that_co_decrease",
+        "median_relative_error",
+        "largest_relative_error",
+    )
+    table, remarks = recovery_table([dict.fromkeys(names, 0.5)], [])
+    assert "recovered by the fit" in table
+    assert [remark.split(",")[0] for remark in remarks] == [
+        "* A parameter's own error: median 50.0% (of the cases' medians)",
+        "* Within a case",
+    ]
 
 
 @pytest.mark.slow

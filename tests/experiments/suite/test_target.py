@@ -72,9 +72,10 @@ def test_a_target_of_other_code_is_made_again(
     assert len(solves) == 2
 
 
-def test_a_damaged_cache_is_made_again(solves: list[dict[str, float]], tmp_path: Path) -> None:
+@pytest.mark.parametrize("content", ["{", "[]", "{}", '{"runs": [], "seconds": 1.0}', '{"runs": [3], "seconds": 1.0}'])
+def test_a_damaged_cache_is_made_again(content: str, solves: list[dict[str, float]], tmp_path: Path) -> None:
     target.target_of(CASE)
-    next(tmp_path.glob("targets/*.json")).write_text("{")
+    next(tmp_path.glob("targets/*.json")).write_text(content)
     target.target_of(CASE)
     assert len(solves) == 2
 
