@@ -15,7 +15,7 @@ from .results import Results
 
 def reach(results: Results) -> str:
     """Measured cells, published tasks and blind records, each in a sentence or two."""
-    return "\n".join(part(results) for part in (_measured, _published, _blind, _hidden, _discovery))
+    return "\n".join(part(results) for part in (_measured, _published, _blind, _hidden))
 
 
 def _measured(results: Results) -> str:
@@ -44,11 +44,9 @@ def _published(results: Results) -> str:
     more = f" ({', '.join(row['task'] for row in longer)} had more)" if longer else ""
     return (
         f"* On the paper's {len(rows)} published tasks: below the best row of its table, agents and Bayesian "
-        f"optimisation "
-        f"alike, in **{below} of the {cells} cells** (mode x chemistry). Four chemistries: mean total MAPE "
-        f"**{brief(found.mean)} %** (worst {brief(found.worst)} %) in at most 100 simulations, {brief(early.mean)} % "
-        f"after "
-        f"{EARLY}. The fifth, {SLOW}, whose simulations are slow: {brief(float(np.mean(errors)))} % (median "
+        f"optimisation alike, in **{below} of the {cells} cells** (mode x chemistry). Four chemistries: mean total "
+        f"MAPE **{brief(found.mean)} %** (worst {brief(found.worst)} %) in at most 100 simulations, {brief(early.mean)} % "
+        f"after {EARLY}. The fifth, {SLOW}, whose simulations are slow: {brief(float(np.mean(errors)))} % (median "
         f"{brief(float(np.median(errors)))} %, worst {brief(max(errors))} %) in 50{more}."
     )
 
@@ -62,7 +60,7 @@ def _blind(results: Results) -> str:
         f"tests, each run once: the verdict is right in {grades['right']}, several names with the hidden one among "
         f"them are given in {grades['ambiguous']}, one of two effects is named in {grades['partial']}, none in "
         f"{grades['declined']}, and a **wrong one in {grades['wrong']}** "
-        f"({exact_interval(grades['wrong'], len(cases))}): a name is a lead to be tested. Case by case: "
+        f"({exact_interval(grades['wrong'], len(cases))}): a name is a lead to be tested: "
         "[docs/discovery-results.md](docs/discovery-results.md)."
     )
 
@@ -81,22 +79,4 @@ def _hidden(results: Results) -> str:
     return (
         f"* In measured records a seed hid an effect of a strength that it drew. {' '.join(told)} What is found and "
         "what is not: [docs/discovery-results.md](docs/discovery-results.md#effects-hidden-in-measured-records)."
-    )
-
-
-def _discovery(results: Results) -> str:
-    cases = graded(results)
-    hiding = [case for case in cases if case.setting in ("strong", "weak", "pair")]
-    grades = Counter(case.grade for case in hiding)
-    noise_only = sum(case.verdict == "no-missing-effect" for case in hiding)
-    wrong = sum(case.grade == "wrong" for case in cases)
-    named = sum(bool(case.named) for case in cases if case.setting in ("none", "outside"))
-    others = sum(case.setting in ("none", "outside") for case in cases)
-    return (
-        f"* On {len(cases)} sealed records, {len(hiding)} of which hide effects of the catalogue, ageing among them "
-        "(shifts and noise were drawn; effects and strengths were known while the search was developed, so that this "
-        f"is no blind test): the right name in {grades['right']}, {grades['ambiguous']} more declared ambiguous, "
-        f"{grades['declined']} declined (in {noise_only} of these a refitted base model leaves noise only), a wrong "
-        f"name in {wrong} of all {len(cases)} ({exact_interval(wrong, len(cases))}), and a name in {named} of the "
-        f"{others} where nothing is hidden or an effect of no catalogue is ({exact_interval(named, others)})."
     )
