@@ -45,8 +45,8 @@ def _published(results: Results) -> str:
     return (
         f"* On the paper's {len(rows)} published tasks: below the best row of its table, agents and Bayesian "
         f"optimisation alike, in **{below} of the {cells} cells** (mode x chemistry). Four chemistries: mean total "
-        f"MAPE **{brief(found.mean)} %** (worst {brief(found.worst)} %) in at most 100 simulations, {brief(early.mean)} % "
-        f"after {EARLY}. The fifth, {SLOW}, whose simulations are slow: {brief(float(np.mean(errors)))} % (median "
+        f"MAPE **{brief(found.mean)} %** (worst {brief(found.worst)} %) in at most 100 simulations, "
+        f"{brief(early.mean)} % after {EARLY}. The fifth, {SLOW}, whose simulations are slow: {brief(float(np.mean(errors)))} % (median "
         f"{brief(float(np.median(errors)))} %, worst {brief(max(errors))} %) in 50{more}."
     )
 
