@@ -47,7 +47,8 @@ def _published(results: Results) -> str:
         f"optimisation alike, in **{below} of the {cells} cells** (mode x chemistry). Four chemistries: mean total "
         f"MAPE **{brief(found.mean)} %** (worst {brief(found.worst)} %) in at most 100 simulations, "
         f"{brief(early.mean)} % after {EARLY}. The fifth, {SLOW}, whose simulations are slow: "
-        f"{brief(float(np.mean(errors)))} % (median {brief(float(np.median(errors)))} %, worst {brief(max(errors))} %) in 50{more}."
+        f"{brief(float(np.mean(errors)))} % (median {brief(float(np.median(errors)))} %, worst "
+        f"{brief(max(errors))} %) in 50{more}."
     )
 
 
