@@ -7,6 +7,7 @@ from typing import cast
 
 from ..core.errors import BsaError
 from ..core.run.run_config import RunConfig
+from ..core.scaffold import load_scaffold
 from ..core.task import Task, Weight
 from .file_reading import FileReading
 from .run_names import numbered_folder
@@ -22,28 +23,47 @@ class RunRequest:
     folder: Path  # Where it goes.
 
 
+_WITHOUT_PRIORS, _WITH_PRIORS = "hybrid", "staged"
+"""Scaffolds of a run for which none is named; see `_usual_scaffold`."""
+
+
 def run_request(
     named: Task | None,
     records: Records,
     cell: CellChoice,
-    configured: Callable[[str], RunConfig],
+    scaffold: str | None,
+    configured: Callable[..., RunConfig],
     weight: str | None,
     out: Path | None,
 ) -> RunRequest:
     """What a run is asked: a task that was named, with the records that it is to hold out, or that of matching records.
 
-    ``configured`` gives the configuration for a simulator (`run_config`). ``weight`` is how errors count; None leaves
-    it to the task. ``out`` is None for a new folder under ``runs``. Raises `BsaError` if any of it makes no sense.
+    ``scaffold`` is None where none is named. ``configured`` is `run_config` without the scaffold and the
+    simulator. ``weight`` is how errors count; None leaves it to the task. ``out`` is None for a new folder under
+    ``runs``. Raises `BsaError` if any of it makes no sense.
     """
     from .tasks.records import holding_out
 
     if named is not None:
         _check_of_task(named, records, cell)
-    config = configured("" if named is None else named.simulator)
+    simulator = "" if named is None else named.simulator
+    config = configured(scaffold or _WITHOUT_PRIORS, simulator=simulator)
     task = task_of_records(records, cell) if named is None else holding_out(named, records.held_out_requests())
     if weight is not None:
         task = replace(task, weight=cast("Weight", weight))
+    if scaffold is None and _usual_scaffold(task, config) == _WITH_PRIORS:
+        config = configured(_WITH_PRIORS, simulator=simulator)
     return RunRequest(task, config, out or numbered_folder(Path("runs"), f"{task.name}-{config.scaffold.name}"))
+
+
+def _usual_scaffold(task: Task, config: RunConfig) -> str:
+    """The scaffold for a task where none is named: one that weighs the priors of a fit to measured currents.
+
+    A language model needs a scaffold that asks it, and settings of the configuration's scaffold are meant for that.
+    """
+    untouched = config.scaffold == load_scaffold(_WITHOUT_PRIORS).made_for(task.simulator)
+    weighs = task.given_drive and not task.long and bool(task.space.prior_weights.any())
+    return _WITH_PRIORS if weighs and untouched and config.backend == "rules" else _WITHOUT_PRIORS
 
 
 def _check_of_task(named: Task, records: Records, cell: CellChoice) -> None:

@@ -52,7 +52,7 @@ def calibrate(
     life: bool = False,
     fit_cycles: int | None = None,
     weight: str | None = None,
-    scaffold: str = "hybrid",
+    scaffold: str | None = None,
     rounds: int | None = None,
     warmup: int = 20,
     simulations: int | None = None,
@@ -120,8 +120,9 @@ def calibrate(
     weight : {'uniform', 'robust', 'knee'}, optional
         How errors count: ``"robust"`` keeps what is far off for a short time from deciding the fit; by default the
         task's own, ``"uniform"`` for records.
-    scaffold : str
-        Scaffold by name, or a YAML file.
+    scaffold : str, optional
+        Scaffold by name, or a YAML file. By default ``"staged"`` for measured currents if the parameters have priors
+        and no language model is asked, otherwise ``"hybrid"``.
     rounds, warmup, simulations : int
         Search rounds (by default 80), warm-up simulations, and simulations in all (by default 100), at most.
     seed : int
@@ -216,7 +217,13 @@ def calibrate(
                 None if start_from is None else Path(start_from),
                 as_names(effect, "--effect"),
             ),
-            partial(run_config, scaffold, backend, reached, budgets | dict(as_mapping(settings, "--set"))),
+            scaffold,
+            partial(
+                run_config,
+                backend=backend,
+                backend_options=reached,
+                settings=budgets | dict(as_mapping(settings, "--set")),
+            ),
             weight,
             None if out is None else Path(out),
         )

@@ -106,11 +106,14 @@ def run(
         ),
     ] = None,
     scaffold: Annotated[
-        str,
+        str | None,
         shared.search_option(
-            metavar="NAME|FILE", help="Scaffold by name, or a YAML file.", autocompletion=completion.scaffolds
+            metavar="NAME|FILE",
+            help="Scaffold by name, or a YAML file; default staged for measured currents without a language model, "
+            "else hybrid.",
+            autocompletion=completion.scaffolds,
         ),
-    ] = "hybrid",
+    ] = None,
     rounds: Annotated[
         int | None,
         shared.search_option(min=0, metavar="N", help="Search rounds at most; default 80, of a resumed run its own."),
@@ -200,7 +203,13 @@ def run(
             fit_cycles,
         ),
         CellChoice(parameters, model, key_values(options, "--options"), search, ocp, scale, start_from, effect or ()),
-        partial(run_config, scaffold, language_model.backend or "", reached, budgets | key_values(settings, "--set")),
+        scaffold,
+        partial(
+            run_config,
+            backend=language_model.backend or "",
+            backend_options=reached,
+            settings=budgets | key_values(settings, "--set"),
+        ),
         weight,
         out,
     )

@@ -120,13 +120,16 @@ class Tools:
             int | None,
             Field(ge=1, description="Simulations at most, in all; 100, or of a resumed run its own, if left out."),
         ] = None,
-        scaffold: Annotated[str, Field(description="Method: hybrid, least-squares, cma-es, bo, ...")] = "hybrid",
+        scaffold: Annotated[
+            str | None,
+            Field(description="Method: staged (usual for measured currents), hybrid, least-squares, cma-es, bo, ..."),
+        ] = None,
         seed: int = 1234,
         out: Out = None,
         resume: Resume = None,
     ) -> Json:
         """Fit the searched parameters to records or a task; gives values, intervals, errors and a report."""
-        if not is_name(scaffold):
+        if scaffold is not None and not is_name(scaffold):
             raise BsaError(f"scaffold is {shown(repr(scaffold))}, which is no name.", "name one that is built in.")
         if resume is None:
             simulations = simulations or RunConfig.model_fields["simulations"].default
