@@ -7,7 +7,6 @@ from typing import cast
 
 from ..core.errors import BsaError
 from ..core.run.run_config import RunConfig
-from ..core.scaffold import load_scaffold
 from ..core.task import Task, Weight
 from .file_reading import FileReading
 from .run_names import numbered_folder
@@ -51,19 +50,18 @@ def run_request(
     task = task_of_records(records, cell) if named is None else holding_out(named, records.held_out_requests())
     if weight is not None:
         task = replace(task, weight=cast("Weight", weight))
-    if scaffold is None and _usual_scaffold(task, config) == _WITH_PRIORS:
+    if scaffold is None and _usual_scaffold(task, config.backend) == _WITH_PRIORS:
         config = configured(_WITH_PRIORS, simulator=simulator)
     return RunRequest(task, config, out or numbered_folder(Path("runs"), f"{task.name}-{config.scaffold.name}"))
 
 
-def _usual_scaffold(task: Task, config: RunConfig) -> str:
-    """The scaffold for a task where none is named: one that weighs the priors of a fit to measured currents.
+def _usual_scaffold(task: Task, backend: str) -> str:
+    """The scaffold for a task where none is named: for measured currents one that weighs priors, if there are any.
 
-    A language model needs a scaffold that asks it, and settings of the configuration's scaffold are meant for that.
+    A language model needs a scaffold that asks it.
     """
-    untouched = config.scaffold == load_scaffold(_WITHOUT_PRIORS).made_for(task.simulator)
     weighs = task.given_drive and not task.long and bool(task.space.prior_weights.any())
-    return _WITH_PRIORS if weighs and untouched and config.backend == "rules" else _WITHOUT_PRIORS
+    return _WITH_PRIORS if weighs and backend == "rules" else _WITHOUT_PRIORS
 
 
 def _check_of_task(named: Task, records: Records, cell: CellChoice) -> None:
