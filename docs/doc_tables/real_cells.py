@@ -57,6 +57,7 @@ TABLES: dict[str, Callable[[Results], str]] = {
             "fitted / mV": "{hybrid_mv:brief} → {staged_mv:brief}",
             "held out / mV": "{hybrid_held_mv:brief} → {staged_held_mv:brief}",
             "largest correction / mV": "{hybrid_correction_mv:.0f} → {staged_correction_mv:.0f}",
+            "−2 ln posterior density": "{hybrid_improbability:.0f} → {staged_improbability:.0f}",
         },
     ),
     # Errors on cells of other packages, which no version had seen.
