@@ -16,8 +16,8 @@ CLEARLY_ABOVE = 1.5
 The misfit of a true model with 100 independent residuals is 1.0 ± 0.07 times the noise.
 """
 
-_FINEST = 1.0
-"""Standard deviation of a residual that is assumed at least, in tolerances: what a good cycler resolves."""
+FINEST_NOISE = 1.0
+"""Standard deviation of a residual that is assumed at least, in tolerances: a good cycler's millivolt."""
 
 
 def answer(task: Task, trials: Sequence[Trial]) -> Trial:
@@ -45,7 +45,7 @@ def _improbability(task: Task, prior: Prior, trial: Trial) -> float:
     if trial.residuals is None:
         return np.inf
     departure = prior.deviations(task.space.to_unit(trial.candidate))
-    square = max(float(np.mean(np.square(trial.residuals))), _FINEST**2)
+    square = max(float(np.mean(np.square(trial.residuals))), FINEST_NOISE**2)
     likelihood = len(trial.residuals) * np.log(square) + float(np.sum(np.square(trial.residuals))) / square
     return float(likelihood + np.sum(np.square(departure)))
 

@@ -17,15 +17,13 @@ from ...core.inference.least_squares import LeastSquares
 from ...core.inference.low_fidelity import LowFidelity
 from ...core.parameters import Candidate
 from ...core.rms import rms
+from ...core.run.answer import FINEST_NOISE
 from ...core.task import Task
 from ...core.task_reduction import TaskReduction
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial
 from .feasibility import can_be_reduced
 from .stage_data import Data, View
-
-_NOISE_FLOOR = 1.0
-"""Standard deviation of a residual that is assumed at least, in tolerances: a good cycler's millivolt."""
 
 _USUAL_NOISE = 10.0
 """Standard deviation that is assumed at most, in tolerances: physical models of measured cells end at 5 to 15 mV. The
@@ -174,7 +172,7 @@ class Stage(ABC):
         """
         seen = self._seen(self._here)
         assert seen is not None
-        return min(residual_noise(seen, int(np.count_nonzero(self._free)), _NOISE_FLOOR), self._most)
+        return min(residual_noise(seen, int(np.count_nonzero(self._free)), FINEST_NOISE), self._most)
 
     def _weighed(self, trial: Trial) -> FloatArray | None:
         """The view's residuals in standard deviations."""
@@ -266,7 +264,7 @@ class StageFit(Stage):
 
     def _told(self, jacobian: FloatArray) -> NDArray[np.bool_]:
         """Of which parameters the data can say something beside their priors; all of those without one."""
-        information = np.sum((self._noise / _NOISE_FLOOR * jacobian) ** 2, axis=0)
+        information = np.sum((self._noise / FINEST_NOISE * jacobian) ** 2, axis=0)
         return np.asarray((information >= _TOLD) | (self._space.prior_weights == 0.0), dtype=np.bool_)
 
     @property
