@@ -1,5 +1,6 @@
 """The part of the records that informs a stage of a calibration, as a view on the residuals."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -148,13 +149,18 @@ def _open_circuit(task: Task, rows: ResidualRows, rates: FloatArray, capacity_ah
     resting = rates < 0.01 * _SLOW_PER_H
     chosen = (rows.signal == _VOLTAGE) & (rates <= _SLOW_PER_H) & (~resting | (rows.since_s >= RELAXED_S))
     charges = [
-        float(np.ptp([_charge_at(task.experiments[record].target, rows, int(place)) for place in places]))
+        _covered([_charge_at(task.experiments[record].target, rows, int(place)) for place in places])
         for record in set(rows.record[chosen])
         for places in [np.flatnonzero(chosen & (rows.record == record))]
     ]
     if max(charges, default=0.0) < _COVERED * capacity_ah:
         return _none("rests of ten minutes and currents up to C/10 cover less than half of the charge")
     return _plain(rows, chosen, "")
+
+
+def _covered(charges: Sequence[float]) -> float:
+    """The charge over which points are spread, without the widest gap: two rests say nothing of what is between."""
+    return float(np.ptp(charges) - np.max(np.diff(np.sort(charges)), initial=0.0))
 
 
 def _charge_at(record: Trajectory, rows: ResidualRows, place: int) -> float:

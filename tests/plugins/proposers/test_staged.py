@@ -241,6 +241,21 @@ def task() -> Task:
     return replace(toy_task(), experiments=(slow, fast))
 
 
+@pytest.mark.parametrize(
+    ("current", "hours", "covers"),
+    [
+        ([0.0, 1.0, 0.0], [0.5, 1.0, 0.5], False),
+        ([0.0, 1.0, 0.0, 1.0, 0.0], [0.5, 0.5, 0.5, 0.5, 0.5], True),
+        ([0.0, 0.05], [0.5, 20.0], True),
+    ],
+)
+def test_rests_at_both_ends_say_nothing_of_the_curve_between(
+    current: list[float], hours: list[float], covers: bool
+) -> None:
+    task = replace(toy_task(), experiments=(Experiment("one", measured(current, hours)),))
+    assert (view_of(task, "open-circuit").lacking == "") is covers
+
+
 def test_rows_say_which_residual_is_about_what(task: Task) -> None:
     rows = rows_of(task)
     offset = Outcome(
