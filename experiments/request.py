@@ -22,10 +22,6 @@ class RunRequest:
     folder: Path  # Where it goes.
 
 
-_WITHOUT_PRIORS, _WITH_PRIORS = "hybrid", "staged"
-"""Scaffolds of a run for which none is named; see `_usual_scaffold`."""
-
-
 def run_request(
     named: Task | None,
     records: Records,
@@ -37,31 +33,30 @@ def run_request(
 ) -> RunRequest:
     """What a run is asked: a task that was named, with the records that it is to hold out, or that of matching records.
 
-    ``scaffold`` is None where none is named. ``configured`` is `run_config` without the scaffold and the
-    simulator. ``weight`` is how errors count; None leaves it to the task. ``out`` is None for a new folder under
-    ``runs``. Raises `BsaError` if any of it makes no sense.
+    ``scaffold`` is None where none is named; ``configured`` is `run_config` without it and without the simulator.
+    ``weight`` is how errors count; None leaves it to the task. ``out`` is None for a new folder under ``runs``.
+    Raises `BsaError` if any of it makes no sense.
     """
     from .tasks.records import holding_out
 
     if named is not None:
         _check_of_task(named, records, cell)
     simulator = "" if named is None else named.simulator
-    config = configured(scaffold or _WITHOUT_PRIORS, simulator=simulator)
+    config = configured(scaffold or "hybrid", simulator=simulator)
     task = task_of_records(records, cell) if named is None else holding_out(named, records.held_out_requests())
     if weight is not None:
         task = replace(task, weight=cast("Weight", weight))
-    if scaffold is None and _usual_scaffold(task, config.backend) == _WITH_PRIORS:
-        config = configured(_WITH_PRIORS, simulator=simulator)
+    if scaffold is None and _goes_in_stages(task, config.backend):
+        config = configured("staged", simulator=simulator)
     return RunRequest(task, config, out or numbered_folder(Path("runs"), f"{task.name}-{config.scaffold.name}"))
 
 
-def _usual_scaffold(task: Task, backend: str) -> str:
-    """The scaffold for a task where none is named: for measured currents one that weighs priors, if there are any.
+def _goes_in_stages(task: Task, backend: str) -> bool:
+    """Whether the priors of a task are weighed where no scaffold is named: those of a fit to measured currents are.
 
     A language model needs a scaffold that asks it.
     """
-    weighs = task.given_drive and not task.long and bool(task.space.prior_weights.any())
-    return _WITH_PRIORS if weighs and backend == "rules" else _WITHOUT_PRIORS
+    return backend == "rules" and task.given_drive and not task.long and bool(task.space.prior_weights.any())
 
 
 def _check_of_task(named: Task, records: Records, cell: CellChoice) -> None:

@@ -59,8 +59,10 @@ def resting_voltage(record: Trajectory) -> float:
 def mixed_samples_note(record: Trajectory) -> str:
     """What is to be said of samples whose current is that of one side of a switch and whose voltage of the other."""
     mixed = _mixed(record)
-    if not mixed:
-        return ""
+    return _mixed_words(record, mixed) if mixed else ""
+
+
+def _mixed_words(record: Trajectory, mixed: list[int]) -> str:
     return (
         "current and voltage of a sample are not of one moment where the current switches "
         f"({counted(len(mixed), 'sample')}, the first at {rounded(float(record.time[mixed[0]]), 6)} s): what the cell "
@@ -72,12 +74,13 @@ def mixed_samples_note(record: Trajectory) -> str:
 def without_mixed_samples(record: Record) -> Record:
     """The record with such samples marked as if no instrument had taken them, and a note of it."""
     found = record.trajectory
-    note = mixed_samples_note(found)
-    if not note:
+    mixed = _mixed(found)
+    if not mixed:
         return record
     inserted = found.inserted.copy()
-    inserted[_mixed(found)] = True
-    return replace(record, trajectory=replace(found, inserted=inserted), notes=(*record.notes, note))
+    inserted[mixed] = True
+    notes = (*record.notes, _mixed_words(found, mixed))
+    return replace(record, trajectory=replace(found, inserted=inserted), notes=notes)
 
 
 def _mixed(record: Trajectory) -> list[int]:

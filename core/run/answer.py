@@ -45,9 +45,8 @@ def _improbability(task: Task, prior: Prior, trial: Trial) -> float:
     if trial.residuals is None:
         return np.inf
     departure = prior.deviations(task.space.to_unit(trial.candidate))
-    square = max(float(np.mean(np.square(trial.residuals))), FINEST_NOISE**2)
-    likelihood = len(trial.residuals) * np.log(square) + float(np.sum(np.square(trial.residuals))) / square
-    return float(likelihood + np.sum(np.square(departure)))
+    noise = max(trial.misfit, FINEST_NOISE)
+    return float(len(trial.residuals) * (2.0 * np.log(noise) + (trial.misfit / noise) ** 2) + departure @ departure)
 
 
 def weighs_score(task: Task, best: Trial) -> bool:

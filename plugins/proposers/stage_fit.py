@@ -212,7 +212,6 @@ class StageFit(Stage):
         low_fidelity: LowFidelityResiduals | None = None,
     ) -> None:
         super().__init__(task, choice, view, free, start, budget)
-        self._start = start
         self._told_so_far = list(earlier)
         self._first_cycle = _first_cycle_of(task) if choice.data == "first-cycle" else None
         self.reduction = self._first_cycle
@@ -324,7 +323,7 @@ class StageFit(Stage):
         if self._here.reduction is not None and self.reduction is None:
             # A cell whose first cycle fits may fail in a later one.
             (whole,) = trials
-            self._here = whole if whole.residuals is not None else self._start
+            self._here = whole if whole.residuals is not None else self.began
             return self._here
         weighed = [self._weighed(trial) for trial in trials]
         first = self.takes_slopes and self._search.jacobian is None
