@@ -138,6 +138,17 @@ particle_size_distribution = Effect(
 )
 
 
+_END = 1e-3
+"""Stoichiometry next to 0 and 1 at which a potential begins to run off."""
+
+
+def _softly_above(stoichiometry: Any) -> Any:
+    """A stoichiometry that comes to 0 and does not go below: `_END` at 0."""
+    import pybamm
+
+    return (stoichiometry + pybamm.sqrt(stoichiometry**2 + 4 * _END**2)) / 2
+
+
 def _slow_share(which: str, model: Any, p: Mapping[str, Any]) -> Any:
     import pybamm
 
@@ -149,13 +160,16 @@ def _slow_share(which: str, model: Any, p: Mapping[str, Any]) -> Any:
     # A higher temperature speeds the exchange up as it does diffusion in the particles.
     speed = electrode.D(middle, temperature) / electrode.D(middle, model.param.T_ref)
     slow = pybamm.Variable(f"Stoichiometry of the slow {which} material")
-    model.rhs[slow] = speed * (mean - slow) / p["time"]
+    lag = p["reference_lag"]
+    model.rhs[slow] = speed * lag / p["time"] * pybamm.sinh((mean - slow) / lag)
     model.initial_conditions[slow] = pybamm.x_average(pybamm.r_average(electrode.c_init)) / electrode.c_max
     model.variables[f"Stoichiometry of the slow {which} material"] = slow
 
     def potential(stoichiometry: Any) -> Any:
-        above = (stoichiometry + pybamm.sqrt(stoichiometry**2 + 4e-6)) / 2  # 0.001 at 0, and never below 0
-        return electrode.U(1 - ((1 - above) + pybamm.sqrt((1 - above) ** 2 + 4e-6)) / 2, temperature)
+        within = _softly_above(1 - _softly_above(1 - stoichiometry))
+        # Empty or full material is not to be had for the potential at 0 or 1: beyond, it goes on as a logarithm does there.
+        beyond = (within - stoichiometry) * pybamm.constants.R * temperature / pybamm.constants.F / _END
+        return electrode.U(within, temperature) + beyond
 
     # What the slow material has not given or taken yet, the other has, whose potential is measured.
     change = potential(surface - p["share"] / (1 - p["share"]) * (slow - mean)) - potential(surface)
@@ -167,15 +181,17 @@ slow_material = tuple(
         name="slow-active-material",
         variant=f"{electrode} electrode",
         title=f"a part of the {electrode} electrode's active material that exchanges lithium slowly",
-        equation="U(x_s) -> U(x_s - w / (1 - w) (z - x)), dz/dt = (x - z) / tau(T); w: share of the slow material, "
-        "x: mean stoichiometry, x_s: at the surface",
+        equation="U(x_s) -> U(x_s - w / (1 - w) (z - x)), dz/dt = l / tau(T) sinh((x - z) / l); w: share of the slow "
+        "material, x: mean stoichiometry, x_s: at the surface, l: lag beyond which the exchange grows exponentially",
         parameters=(
             EffectParameter("share", "", 0.0, 0.0, 0.5, 0.03),
-            EffectParameter("time", "s", 3600.0, 600.0, 36000.0, 3600.0, "log"),
+            EffectParameter("time", "s", 3600.0, 600.0, 1e6, 3600.0, "log"),
+            EffectParameter("reference_lag", "", 0.02, 0.001, 1.0, 0.02, "log"),
         ),
         signature="relaxation over hours, largest where the open-circuit potential is steep: in rests of an empty cell "
         "whose negative electrode has silicon beside graphite, or of coarse particles beside fine ones",
-        citation="Ai et al., J. Power Sources 527 (2022) 231142, doi:10.1016/j.jpowsour.2022.231142",
+        citation="Ai et al., J. Power Sources 527 (2022) 231142, doi:10.1016/j.jpowsour.2022.231142; the rate after "
+        "Garofalo: Koebbing et al., ACS Appl. Mater. Interfaces (2024), doi:10.1021/acsami.4c12976",
         physics=PyBaMMPart(voltage=partial(_slow_share, electrode)),
         on_request=True,
     )

@@ -14,6 +14,7 @@ from bsa.plugins.pybamm.cells.ocp_shape import bump
 from bsa.plugins.pybamm.modelling.compiled_cell import Start
 from bsa.plugins.pybamm.modelling.drive import current_function
 from bsa.plugins.pybamm.solving.driven_cell import DrivenCell
+from scipy.optimize import brentq
 
 NAMES = {
     "contact-resistance",
@@ -227,9 +228,9 @@ def test_an_absent_effect_changes_nothing(key):
 def test_slow_material_adds_polarisation_that_relaxes_with_its_time(electrode):
     driven = record()
     effect = BY_KEY[f"slow-active-material ({electrode} electrode)"]
-    share, time = (effect.full_name(one) for one in effect.parameters)
+    share, time, lag = (effect.full_name(one) for one in effect.parameters)
     plain = voltage((), driven)
-    quick, slow = (voltage((effect,), driven, {share: 0.1, time: tau}) - plain for tau in (60.0, 36000.0))
+    quick, slow = (voltage((effect,), driven, {share: 0.1, time: tau, lag: 1.0}) - plain for tau in (60.0, 36000.0))
     rest = (driven.time > 1000) & (driven.time < 1500)
     discharge = (driven.time > 500) & (driven.time < 900)
     assert np.all(slow[discharge] < quick[discharge])
@@ -239,23 +240,40 @@ def test_slow_material_adds_polarisation_that_relaxes_with_its_time(electrode):
     assert slow[rest][-1] < 0.5 * slow[discharge][-1]
 
 
-def test_the_slow_share_and_the_rest_together_hold_the_lithium(monkeypatch):
-    share, mean, slow = 0.2, 0.5, 0.6
+def slow_material(monkeypatch, electrode, mean, slow, **values):
+    """What the effect changes of the potential, and how fast the slow material follows, where U(x) = x."""
     given = {"c_max": 1.0, "c_init": pybamm.Scalar(mean), "D": lambda x, t: 1.0, "U": lambda x, t: x}
-    domains = {"positive": SimpleNamespace(prim=SimpleNamespace(**given))}
-    names = (
-        "Average positive particle stoichiometry",
-        "X-averaged positive particle surface stoichiometry",
-        "Volume-averaged cell temperature [K]",
-    )
-    variables = dict(zip(names, map(pybamm.Scalar, (mean, mean, 298.15)), strict=True))
-    param = SimpleNamespace(domain_params=domains, T_ref=298.15)
+    names = (f"Average {electrode} particle stoichiometry", f"X-averaged {electrode} particle surface stoichiometry")
+    variables = {name: pybamm.Scalar(mean) for name in names}
+    variables["Volume-averaged cell temperature [K]"] = pybamm.Scalar(298.15)
+    param = SimpleNamespace(domain_params={electrode: SimpleNamespace(prim=SimpleNamespace(**given))}, T_ref=298.15)
     model = SimpleNamespace(param=param, variables=variables, rhs={}, initial_conditions={})
     monkeypatch.setattr(pybamm, "Variable", lambda name: pybamm.Scalar(slow))
-    part = BY_KEY["slow-active-material (positive electrode)"].physics
+    effect = BY_KEY[f"slow-active-material ({electrode} electrode)"]
+    change = effect.physics.voltage(model, {p.name: p.null for p in effect.parameters} | values)
+    (speed,) = model.rhs.values()
+    return float(change.evaluate()), float(speed.evaluate())
+
+
+def test_the_slow_share_and_the_rest_together_hold_the_lithium(monkeypatch):
+    share, mean, slow = 0.2, 0.5, 0.6
+    change, _ = slow_material(monkeypatch, "positive", mean, slow, share=share)
     # A potential that is the stoichiometry: the change is that of the quick material.
-    change = float(part.voltage(model, {"share": share, "time": 3600.0}).evaluate())
     assert share * slow + (1 - share) * (mean + change) == pytest.approx(mean, abs=1e-5)
+
+
+def test_slow_material_lags_hardly_more_at_a_higher_rate(monkeypatch):
+    lag, tau, rate = 0.01, 3600.0, 1 / 7200
+
+    def exchange(behind):
+        return slow_material(monkeypatch, "negative", 0.5, 0.5 - behind, time=tau, reference_lag=lag)[1]
+
+    # The lag that keeps up with a rate; five times the rate takes l ln(5) more.
+    once, fast = (brentq(lambda behind, r=r: exchange(behind) - r, 0.0, 0.5) for r in (rate, 5 * rate))
+    assert once == pytest.approx(lag * np.arcsinh(rate * tau / lag))
+    assert fast - once == pytest.approx(lag * np.log(5), rel=1e-3)
+    # A short lag is made up for in the time that the effect is told.
+    assert exchange(1e-5) == pytest.approx(1e-5 / tau, rel=1e-4)
 
 
 @pytest.mark.slow
