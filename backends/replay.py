@@ -54,15 +54,15 @@ class ReplayBackend:
 def given(events: Iterable[Mapping[str, Any]]) -> list[Reply | BackendFailure]:
     """What the proposer of a run was given, in order; of votes their outcome, with what they cost together."""
     found: list[Reply | BackendFailure] = []
-    asked: list[Any] = []  # The prompts of the last replies, of which nothing was made yet.
-    voted = False
+    asked: list[Any] = []  # The prompts of the last replies, where they may be votes that nothing was made of yet.
+    merges = False
     for event in events:
         kind, text = event["event"], str(event.get("text", ""))
         last = found[-1] if found else None
-        voted = voted or _votes(event) > 1
+        merges = merges or _merges(event)
         if kind == REPLY:
             found.append(_reply(event, text))
-            asked.append(event.get("prompt"))
+            asked += [event.get("prompt")] * merges
             continue
         if kind == VOTE and isinstance(last, Reply):
             count = max(len(event.get("ballots", ())), 1)
@@ -82,12 +82,12 @@ def given(events: Iterable[Mapping[str, Any]]) -> list[Reply | BackendFailure]:
             continue
         asked = []
     # Nor were those with which a run ended before it had all of them.
-    return found[: len(found) - _alike(asked, asked[-1])] if voted and asked else found
+    return found[: len(found) - _alike(asked, asked[-1])] if asked else found
 
 
-def _votes(event: Mapping[str, Any]) -> int:
-    """How many replies a run merges, by the event that begins it; 0 of any other event."""
-    return int(event.get("config", {}).get("backend_options", {}).get("votes") or 0)
+def _merges(event: Mapping[str, Any]) -> bool:
+    """Whether an event begins a run with several votes a round."""
+    return int(event.get("config", {}).get("backend_options", {}).get("votes") or 1) > 1
 
 
 def _alike(prompts: Sequence[Any], prompt: Any) -> int:
