@@ -188,7 +188,8 @@ def run(
         _execute(request, resources, as_json, identifiability, discovery_command_of(resume), resumed=True)
         return
     if data and task is not None:
-        raise BsaError(f'both a task ("{task}") and --data were given.', "give one of them.")
+        several = " Behind one --data stand files; of several folders, write --data before each." * Path(task).is_dir()
+        raise BsaError(f'both a task ("{task}") and --data were given.', f"give one of them.{several}")
     budgets = given_budgets(rounds=rounds, warm_up=warmup, simulations=simulations, seed=seed)
     reached = language_model.options(exchange=exchange, votes=votes if votes > 1 else None, review=review or None)
     request = run_request(

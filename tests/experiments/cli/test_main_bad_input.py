@@ -70,6 +70,7 @@ COMMANDS = [
     (["--data", "record.csv", "--parameters", "neares"], 'no parameter set "neares"', 'did you mean "nearest"'),
     (["--data", "absent.csv", "--parameters", "Chen2020"], "absent.csv", ""),
     (["demo", "--data", "record.csv", "--parameters", "Chen2020"], "both a task", "give one of them"),
+    (["--data", "first", ".", "--parameters", "Chen2020"], 'both a task (".")', "write --data before each"),
     (["--data", "record.csv", "--parameters", "Chen2020", "--search", "gemoetry"], "gemoetry", "geometry"),
     (["--data", "record.csv", "--parameters", "Chen2020", "--model", "DFM"], 'no model "DFM"', 'did you mean "DFN"'),
     (["--data", "record.csv", "--parameters", "Chen2020", "--sheet", "3"], 'it has no sheet "3"', "leave out --sheet"),
