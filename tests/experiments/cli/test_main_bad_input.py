@@ -62,7 +62,7 @@ COMMANDS = [
         'did you mean "thermal"?',
     ),
     (["--set", "feedback.use=structurd"], 'there is no feedback "structurd"', 'did you mean "structured"'),
-    (["--set", "proposer.options.memory_budged=3"], "memory_budged", 'did you mean "memory_budget"'),
+    (["--set", "proposer.options.free_action=3"], "free_action", 'did you mean "free_actions"'),
     (["--set", "simulator.options.time_limit_s=-1"], "time_limit_s", ""),
     (["--resume", "nowhere"], "nowhere", ""),
     (["--data", "record.csv"], "a record needs a parameter set to start from", "--parameters Chen2020"),
