@@ -11,7 +11,8 @@ from filelock import FileLock
 
 from ..core.contracts.reply_parsing import MAX_REPLY_CHARS
 from ..core.errors import BsaError
-from ..core.files import file_error, write_json
+from ..core.files import file_error, read_json, write_json
+from ..core.json_object import json_object
 from ..core.messages import (
     UNUSABLE,
     BackendFailure,
@@ -62,7 +63,7 @@ class TerminalBackend:
             if line.strip() == _END_MARK:
                 return "".join(lines)
             lines.append(line)
-            if _is_whole("".join(lines)):
+            if json_object("".join(lines)) is not None:
                 return "".join(lines)
         if "".join(lines).strip():
             return "".join(lines)
@@ -70,13 +71,6 @@ class TerminalBackend:
 
     def close(self) -> None:
         """Nothing to release."""
-
-
-def _is_whole(text: str) -> bool:
-    try:
-        return isinstance(json.loads(text), dict)
-    except (ValueError, RecursionError):
-        return False
 
 
 class ExchangeBackend:
@@ -147,11 +141,8 @@ class ExchangeBackend:
         return number
 
     def _holds(self, number: int, prompt: dict[str, Any]) -> bool:
-        try:
-            found = json.loads((self._folder / f"prompt-{number:03d}.json").read_text(encoding="utf-8"))
-            return all(found.get(key) == value for key, value in json.loads(json.dumps(prompt)).items())
-        except (OSError, ValueError, AttributeError):
-            return False
+        found = read_json(self._folder / f"prompt-{number:03d}.json")
+        return found is not None and json.loads(json.dumps(prompt)).items() <= found.items()
 
     def _wait(self, path: Path, started: float) -> str:
         size = -1
@@ -159,7 +150,7 @@ class ExchangeBackend:
             if path.is_file():
                 content = path.read_bytes()[: 4 * MAX_REPLY_CHARS]
                 text = content.decode("utf-8", errors="replace")
-                if text.strip() and (_is_whole(text) or len(content) == size):
+                if text.strip() and (json_object(text) is not None or len(content) == size):
                     return text
                 size = len(content)
             if self._timeout_s is not None and time.monotonic() - started > self._timeout_s:
