@@ -24,6 +24,7 @@ from ..core.messages import (
     without_alternatives,
 )
 from ..core.printable import one_line, strip_control
+from .terminal import Terminal
 
 _POLL_S = 0.2
 _END_MARK = "."
@@ -31,17 +32,13 @@ _LOCK = "prompts.lock"
 
 
 class TerminalBackend:
-    """Shows each prompt and reads the reply, up to the end of a JSON object or a line with a single dot.
-
-    Standard input and standard error, unless another ``source`` and ``target`` are given.
-    """
+    """Shows each prompt and reads the reply, up to the end of a JSON object or a line with a single dot."""
 
     name = "manual"
     sees_images = False
 
-    def __init__(self, source: TextIO | None = None, target: TextIO | None = None) -> None:
-        self._source = source
-        self._target = target
+    def __init__(self, terminal: Terminal | None = None) -> None:
+        self._terminal = terminal or Terminal()
 
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
         """See `bsa.core.messages.Backend.complete`.
@@ -49,25 +46,26 @@ class TerminalBackend:
         Raises `BudgetSpent` at the end of the input: there is nobody left to answer, and the run stops cleanly.
         """
         started = time.monotonic()
-        target = self._target or sys.stderr
         for message in messages:
             # Memories hold what models said before, so even prompts are not trusted with the terminal.
-            print(f"--- {message.role} ---\n{strip_control(message.text)}", file=target)
-        print(f"--- wanted: one JSON object ---\n{json.dumps(without_alternatives(schema), indent=1)}", file=target)
-        print(f'--- your reply, ended by "{_END_MARK}" on a line of its own ---', file=target, flush=True)
+            self._terminal.say(f"--- {message.role} ---\n{strip_control(message.text)}")
+        self._terminal.say(f"--- wanted: one JSON object ---\n{json.dumps(without_alternatives(schema), indent=1)}")
+        self._terminal.say(f'--- your reply, ended by "{_END_MARK}" on a line of its own ---')
         return Reply(self._read(), Usage(seconds=time.monotonic() - started), model="manual")
 
     def _read(self) -> str:
-        lines: list[str] = []
-        for line in self._source or sys.stdin:
+        text = ""
+        while json_object(text) is None:
+            try:
+                line = self._terminal.line()
+            except BudgetSpent:
+                if text.strip():
+                    break
+                raise
             if line.strip() == _END_MARK:
-                return "".join(lines)
-            lines.append(line)
-            if json_object("".join(lines)) is not None:
-                return "".join(lines)
-        if "".join(lines).strip():
-            return "".join(lines)
-        raise BudgetSpent("the input ended: nobody answers any more")
+                break
+            text += line
+        return text
 
     def close(self) -> None:
         """Nothing to release."""

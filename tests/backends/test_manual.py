@@ -13,6 +13,7 @@ from bsa.backends.manual import ExchangeBackend, TerminalBackend
 from bsa.backends.opening import open_backend
 from bsa.backends.replay import ReplayBackend, replay
 from bsa.backends.reviewing import ReviewingBackend, TerminalReviewer, Verdict
+from bsa.backends.terminal import Terminal
 from bsa.backends.voting import VotingBackend
 from bsa.core.errors import BsaError
 from bsa.core.messages import (
@@ -168,7 +169,7 @@ def test_a_reviewer_accepts_edits_or_refuses(schema):
 
 def test_a_review_at_the_terminal(schema):
     source = io.StringIO('what\ne\nnot json\n.\ne\n{"updated_params": {"A": "*2"}}\n.\nr\ntoo bold\n')
-    reviewer = TerminalReviewer(source, io.StringIO())
+    reviewer = TerminalReviewer(Terminal(source, io.StringIO()))
     assert json.loads(reviewer("...").text) == {"updated_params": {"A": "*2"}}
     assert reviewer("...") == Verdict("refuse", "too bold")
     with pytest.raises(BudgetSpent):
@@ -181,7 +182,7 @@ def test_a_review_in_an_editor(monkeypatch, tmp_path):
     script.chmod(0o755)
     monkeypatch.setenv("VISUAL", str(script))
     monkeypatch.setattr("sys.stdin", io.StringIO("e\n"))
-    assert TerminalReviewer(target=io.StringIO())('{"a": "*9"}') == Verdict("edit", '{"a": "*2"}')
+    assert TerminalReviewer(Terminal(target=io.StringIO()))('{"a": "*9"}') == Verdict("edit", '{"a": "*2"}')
 
 
 def test_replay_gives_the_journal_again(tmp_path, monkeypatch, messages, schema):
@@ -309,7 +310,7 @@ def test_a_review_is_an_event_and_nobody_is_asked_twice(tmp_path, schema):
 def test_a_person_at_the_terminal(messages, schema):
     target = io.StringIO()
     source = io.StringIO('{"a":\n 1}\nI think\n{"b": 2}\n.\n')
-    backend = TerminalBackend(source, target)
+    backend = TerminalBackend(Terminal(source, target))
     first = backend.complete([*messages, Message("user", "\x1b[2Jwild")], schema, seed=0)
     assert json.loads(first.text) == {"a": 1}
     assert backend.complete(messages, schema, seed=0).text == 'I think\n{"b": 2}\n'
