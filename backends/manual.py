@@ -5,7 +5,7 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from filelock import FileLock
 
@@ -76,16 +76,15 @@ class ExchangeBackend:
 
     A prompt appears whole or not at all. A reply counts once it holds a JSON object, or has not grown for two looks;
     whoever writes it elsewhere and renames it is on the safe side. The folder is made if missing; without
-    ``timeout_s`` there is no end to the wait. Several processes may share a folder. Standard error, or another
-    ``target``, is told what is waited for and why a reply was refused.
+    ``timeout_s`` there is no end to the wait. Several processes may share a folder. Standard error is told what is
+    waited for and why a reply was refused.
     """
 
     name = "manual"
     sees_images = True
 
-    def __init__(self, folder: Path, timeout_s: float | None = None, target: TextIO | None = None) -> None:
+    def __init__(self, folder: Path, timeout_s: float | None = None) -> None:
         self._folder = folder
-        self._target = target
         self._timeout_s = timeout_s
         self._mine: set[int] = set()
         try:
@@ -113,7 +112,7 @@ class ExchangeBackend:
         refused = f"{one_line(said, 1500)} " if said.startswith(UNUSABLE) else ""
         reply = self._folder / f"reply-{number:03d}.txt"
         line = f"note: {refused}Waiting for {reply}, the reply to prompt-{number:03d}.json."
-        print(line, file=self._target or sys.stderr, flush=True)
+        print(line, file=sys.stderr, flush=True)
 
     def _placed(self, prompt: dict[str, Any]) -> int:
         """The number of the prompt, which no other process that uses the folder gives meanwhile."""

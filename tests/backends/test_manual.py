@@ -366,7 +366,7 @@ def test_askers_of_one_folder_have_a_number_each(tmp_path, messages, schema, mon
 
     def ask(seed):
         with contextlib.suppress(BackendFailure):
-            ExchangeBackend(tmp_path, timeout_s=0.0, target=io.StringIO()).complete(messages, schema, seed=seed)
+            ExchangeBackend(tmp_path, timeout_s=0.0).complete(messages, schema, seed=seed)
 
     askers = [threading.Thread(target=ask, args=(seed,)) for seed in range(3)]
     for asker in askers:
@@ -377,14 +377,13 @@ def test_askers_of_one_folder_have_a_number_each(tmp_path, messages, schema, mon
     assert {json.loads(path.read_text())["seed"] for path in tmp_path.glob("prompt-*.json")} == {0, 1, 2}
 
 
-def test_an_exchange_says_what_it_waits_for_and_why_a_reply_was_refused(tmp_path, schema):
-    told = io.StringIO()
-    backend = ExchangeBackend(tmp_path, timeout_s=0.0, target=told)
+def test_an_exchange_says_what_it_waits_for_and_why_a_reply_was_refused(tmp_path, schema, capsys):
+    backend = ExchangeBackend(tmp_path, timeout_s=0.0)
     refusal = "That reply cannot be used: no such\nparameter. Answer again."
     for text in ("Propose.", refusal):
         with pytest.raises(BackendFailure):
             backend.complete([Message("user", text)], schema, seed=1)
-    assert told.getvalue().splitlines() == [
+    assert capsys.readouterr().err.splitlines() == [
         f"note: Waiting for {tmp_path / 'reply-001.txt'}, the reply to prompt-001.json.",
         "note: That reply cannot be used: no such parameter. Answer again. "
         f"Waiting for {tmp_path / 'reply-002.txt'}, the reply to prompt-002.json.",
