@@ -102,22 +102,24 @@ class TerminalReviewer:
                 return Verdict("refuse", strip_control(self._line().strip()))
 
     def _edit(self, shown: str) -> str | None:
-        """The edited text, or None if it holds no object."""
+        """The edited text, or None if it holds no object, or the editor was left with an error (``:cq``)."""
         editor = os.environ.get("VISUAL") or os.environ.get("EDITOR")
-        if editor and self._terminal.source is None:
-            edited = _in_editor(shlex.split(editor), shown)
-        else:
-            self._say('write the reply, ended by "." on a line of its own:')
-            lines: list[str] = []
-            while (line := self._line()).strip() != ".":
-                lines.append(line)
-            edited = "".join(lines)
         try:
+            edited = (
+                _in_editor(shlex.split(editor), shown) if editor and self._terminal.source is None else self._typed()
+            )
             parse_object(edited)
         except BsaError as error:
             self._say(str(error))
             return None
         return edited
+
+    def _typed(self) -> str:
+        self._say('write the reply, ended by "." on a line of its own:')
+        lines: list[str] = []
+        while (line := self._line()).strip() != ".":
+            lines.append(line)
+        return "".join(lines)
 
 
 def _in_editor(editor: list[str], text: str) -> str:

@@ -185,6 +185,14 @@ def test_a_review_in_an_editor(monkeypatch, tmp_path):
     assert TerminalReviewer(Terminal(target=io.StringIO()))('{"a": "*9"}') == Verdict("edit", '{"a": "*2"}')
 
 
+def test_an_editor_that_is_left_without_an_answer_asks_again(monkeypatch):
+    monkeypatch.setenv("VISUAL", "false")
+    monkeypatch.setattr("sys.stdin", io.StringIO("e\n\n"))
+    said = io.StringIO()
+    assert TerminalReviewer(Terminal(target=said))('{"a": "*9"}') == Verdict("accept")
+    assert 'the editor "false" failed' in said.getvalue()
+
+
 def test_replay_gives_the_journal_again(tmp_path, monkeypatch, messages, schema):
     journal = Journal(tmp_path / "runs" / "first")
     usage = {"prompt_tokens": 3, "completion_tokens": 2, "reasoning_tokens": 0, "cost_usd": 0.1, "seconds": 4.0}
