@@ -105,9 +105,8 @@ class TerminalReviewer:
         """The edited text, or None if it holds no object, or the editor was left with an error (``:cq``)."""
         editor = os.environ.get("VISUAL") or os.environ.get("EDITOR")
         try:
-            edited = (
-                _in_editor(shlex.split(editor), shown) if editor and self._terminal.source is None else self._typed()
-            )
+            opens = editor and self._terminal.has_screen
+            edited = _in_editor(shlex.split(editor), shown) if opens else self._typed()
             parse_object(edited)
         except BsaError as error:
             self._say(str(error))

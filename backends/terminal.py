@@ -10,8 +10,13 @@ class Terminal:
     """Standard input and standard error, unless another ``source`` and ``target`` are given."""
 
     def __init__(self, source: TextIO | None = None, target: TextIO | None = None) -> None:
-        self.source = source
+        self._source = source
         self._target = target
+
+    @property
+    def has_screen(self) -> bool:
+        """Whether an editor can be opened; a notebook has none, whatever its environment names."""
+        return self._source is None and sys.stdin.isatty()
 
     def say(self, text: str) -> None:
         """Show a text."""
@@ -21,7 +26,7 @@ class Terminal:
         """The next line, with its end. Raises `BudgetSpent` at the end of the input, so that a run stops cleanly."""
         try:
             # A notebook has no standard input to read from, but asks for what `input` wants.
-            line = f"{input()}\n" if self.source is None else self.source.readline()
+            line = f"{input()}\n" if self._source is None else self._source.readline()
         except (EOFError, NotImplementedError):  # the latter where a notebook is run without anybody
             line = ""
         if not line:

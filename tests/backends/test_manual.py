@@ -182,12 +182,14 @@ def test_a_review_in_an_editor(monkeypatch, tmp_path):
     script.chmod(0o755)
     monkeypatch.setenv("VISUAL", str(script))
     monkeypatch.setattr("sys.stdin", io.StringIO("e\n"))
+    monkeypatch.setattr(Terminal, "has_screen", True)
     assert TerminalReviewer(Terminal(target=io.StringIO()))('{"a": "*9"}') == Verdict("edit", '{"a": "*2"}')
 
 
 def test_an_editor_that_is_left_without_an_answer_asks_again(monkeypatch):
     monkeypatch.setenv("VISUAL", "false")
     monkeypatch.setattr("sys.stdin", io.StringIO("e\n\n"))
+    monkeypatch.setattr(Terminal, "has_screen", True)
     said = io.StringIO()
     assert TerminalReviewer(Terminal(target=said))('{"a": "*9"}') == Verdict("accept")
     assert 'the editor "false" failed' in said.getvalue()

@@ -15,6 +15,8 @@ def test_where_there_is_no_other_source_lines_come_from_input_as_in_a_notebook(e
         raise end
 
     monkeypatch.setattr("builtins.input", asked)
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    assert not Terminal().has_screen
     assert Terminal().line() == "yes\n"
     with pytest.raises(BudgetSpent, match="nobody answers"):
         Terminal().line()
