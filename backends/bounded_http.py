@@ -5,6 +5,7 @@ import ssl
 import time
 from collections.abc import Iterable
 from functools import cache
+from importlib.util import find_spec
 from urllib.request import getproxies, proxy_bypass
 
 import httpcore
@@ -198,6 +199,8 @@ def _pool(url: httpx.URL, budget: _Budget) -> httpcore.ConnectionPool:
     if proxy is None:
         return httpcore.ConnectionPool(ssl_context=_certificates(), network_backend=_Network(budget, http_first=True))
     socks = proxy.scheme.startswith("socks")
+    if socks and find_spec("socksio") is None:
+        raise httpx.ProxyError("a SOCKS proxy needs the package socksio: pip install socksio")
     kind: type[httpcore.SOCKSProxy | httpcore.HTTPProxy] = httpcore.SOCKSProxy if socks else httpcore.HTTPProxy
     return kind(
         str(proxy.copy_with(userinfo=b"")),

@@ -76,6 +76,10 @@ def _replay(options: BackendOptions) -> Backend:
 def _manual(options: BackendOptions) -> Backend:
     from .manual import ExchangeBackend, TerminalBackend
 
+    if options.model:
+        raise BsaError(
+            'the backend "manual" has no models.', f"--backend manual --exchange {options.model} names a folder."
+        )
     if options.exchange is not None:
         return ExchangeBackend(options.exchange, options.timeout_s)
     return TerminalBackend()

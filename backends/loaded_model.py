@@ -48,7 +48,7 @@ class LoadedModel:
     @property
     def context_tokens(self) -> int:
         """Longest prompt and reply together, in tokens."""
-        length = getattr(self.model.config, "max_position_embeddings", None)
+        length = getattr(self.model.config.get_text_config(), "max_position_embeddings", None)
         return length if isinstance(length, int) and length > 0 else _FALLBACK_CONTEXT_TOKENS
 
     @cached_property
@@ -150,7 +150,8 @@ def _load(name: str, quantisation: Quantisation) -> LoadedModel:
             model.to(accelerator())
     except (OSError, ValueError) as error:
         reason = str(error).strip().partition("\n")[0][:300]
-        hint = "check the folder." if Path(source).exists() else f"hf download {name}"
+        is_folder = Path(source).exists() or name.startswith(("/", ".", "~"))
+        hint = "check the folder." if is_folder else f"hf download {name}"
         raise BsaError(f'the model "{name}" cannot be loaded: {reason}', hint) from None
     except torch.cuda.OutOfMemoryError:
         raise too_large(name, bytes_in_sixteen_bits(source, config), memory) from None

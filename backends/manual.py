@@ -5,13 +5,14 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from filelock import FileLock
 
 from ..core.contracts.reply_parsing import MAX_REPLY_CHARS
 from ..core.errors import BsaError
-from ..core.files import file_error, write_json
+from ..core.files import file_error, read_json, write_json
+from ..core.json_object import json_object
 from ..core.messages import (
     UNUSABLE,
     BackendFailure,
@@ -23,6 +24,7 @@ from ..core.messages import (
     without_alternatives,
 )
 from ..core.printable import one_line, strip_control
+from .terminal import Terminal
 
 _POLL_S = 0.2
 _END_MARK = "."
@@ -30,17 +32,13 @@ _LOCK = "prompts.lock"
 
 
 class TerminalBackend:
-    """Shows each prompt and reads the reply, up to the end of a JSON object or a line with a single dot.
-
-    Standard input and standard error, unless another ``source`` and ``target`` are given.
-    """
+    """Shows each prompt and reads the reply, up to the end of a JSON object or a line with a single dot."""
 
     name = "manual"
     sees_images = False
 
-    def __init__(self, source: TextIO | None = None, target: TextIO | None = None) -> None:
-        self._source = source
-        self._target = target
+    def __init__(self, terminal: Terminal | None = None) -> None:
+        self._terminal = terminal or Terminal()
 
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
         """See `bsa.core.messages.Backend.complete`.
@@ -48,35 +46,29 @@ class TerminalBackend:
         Raises `BudgetSpent` at the end of the input: there is nobody left to answer, and the run stops cleanly.
         """
         started = time.monotonic()
-        target = self._target or sys.stderr
         for message in messages:
             # Memories hold what models said before, so even prompts are not trusted with the terminal.
-            print(f"--- {message.role} ---\n{strip_control(message.text)}", file=target)
-        print(f"--- wanted: one JSON object ---\n{json.dumps(without_alternatives(schema), indent=1)}", file=target)
-        print(f'--- your reply, ended by "{_END_MARK}" on a line of its own ---', file=target, flush=True)
+            self._terminal.say(f"--- {message.role} ---\n{strip_control(message.text)}")
+        self._terminal.say(f"--- wanted: one JSON object ---\n{json.dumps(without_alternatives(schema), indent=1)}")
+        self._terminal.say(f'--- your reply, ended by "{_END_MARK}" on a line of its own ---')
         return Reply(self._read(), Usage(seconds=time.monotonic() - started), model="manual")
 
     def _read(self) -> str:
-        lines: list[str] = []
-        for line in self._source or sys.stdin:
+        text = ""
+        while json_object(text) is None:
+            try:
+                line = self._terminal.line()
+            except BudgetSpent:
+                if text.strip():
+                    break
+                raise
             if line.strip() == _END_MARK:
-                return "".join(lines)
-            lines.append(line)
-            if _is_whole("".join(lines)):
-                return "".join(lines)
-        if "".join(lines).strip():
-            return "".join(lines)
-        raise BudgetSpent("the input ended: nobody answers any more")
+                break
+            text += line
+        return text
 
     def close(self) -> None:
         """Nothing to release."""
-
-
-def _is_whole(text: str) -> bool:
-    try:
-        return isinstance(json.loads(text), dict)
-    except (ValueError, RecursionError):
-        return False
 
 
 class ExchangeBackend:
@@ -84,16 +76,15 @@ class ExchangeBackend:
 
     A prompt appears whole or not at all. A reply counts once it holds a JSON object, or has not grown for two looks;
     whoever writes it elsewhere and renames it is on the safe side. The folder is made if missing; without
-    ``timeout_s`` there is no end to the wait. Several processes may share a folder. Standard error, or another
-    ``target``, is told what is waited for and why a reply was refused.
+    ``timeout_s`` there is no end to the wait. Several processes may share a folder. Standard error is told what is
+    waited for and why a reply was refused.
     """
 
     name = "manual"
     sees_images = True
 
-    def __init__(self, folder: Path, timeout_s: float | None = None, target: TextIO | None = None) -> None:
+    def __init__(self, folder: Path, timeout_s: float | None = None) -> None:
         self._folder = folder
-        self._target = target
         self._timeout_s = timeout_s
         self._mine: set[int] = set()
         try:
@@ -121,7 +112,7 @@ class ExchangeBackend:
         refused = f"{one_line(said, 1500)} " if said.startswith(UNUSABLE) else ""
         reply = self._folder / f"reply-{number:03d}.txt"
         line = f"note: {refused}Waiting for {reply}, the reply to prompt-{number:03d}.json."
-        print(line, file=self._target or sys.stderr, flush=True)
+        print(line, file=sys.stderr, flush=True)
 
     def _placed(self, prompt: dict[str, Any]) -> int:
         """The number of the prompt, which no other process that uses the folder gives meanwhile."""
@@ -147,11 +138,8 @@ class ExchangeBackend:
         return number
 
     def _holds(self, number: int, prompt: dict[str, Any]) -> bool:
-        try:
-            found = json.loads((self._folder / f"prompt-{number:03d}.json").read_text(encoding="utf-8"))
-            return all(found.get(key) == value for key, value in json.loads(json.dumps(prompt)).items())
-        except (OSError, ValueError, AttributeError):
-            return False
+        found = read_json(self._folder / f"prompt-{number:03d}.json")
+        return found is not None and json.loads(json.dumps(prompt)).items() <= found.items()
 
     def _wait(self, path: Path, started: float) -> str:
         size = -1
@@ -159,7 +147,7 @@ class ExchangeBackend:
             if path.is_file():
                 content = path.read_bytes()[: 4 * MAX_REPLY_CHARS]
                 text = content.decode("utf-8", errors="replace")
-                if text.strip() and (_is_whole(text) or len(content) == size):
+                if text.strip() and (json_object(text) is not None or len(content) == size):
                     return text
                 size = len(content)
             if self._timeout_s is not None and time.monotonic() - started > self._timeout_s:

@@ -102,7 +102,7 @@ class OllamaBackend(ServedBackend):
 
     def ask(self, request: Request, notes: list[str]) -> Answer:
         """See `ServedBackend.ask`."""
-        reply_tokens = self.options.max_reply_tokens or REPLY_TOKENS
+        reply_tokens = self.options.max_reply_tokens or self._usual_reply_tokens
         options: dict[str, Any] = {
             "seed": request.seed,
             "num_predict": reply_tokens,
@@ -132,6 +132,11 @@ class OllamaBackend(ServedBackend):
             ),
             cut=response.done_reason == "length",
         )
+
+    @property
+    def _usual_reply_tokens(self) -> int:
+        """Longest reply where none is set: a short context is shared with the prompt."""
+        return REPLY_TOKENS if self._context_tokens is None else min(REPLY_TOKENS, self._context_tokens // 2)
 
     def _context(self, messages: Sequence[Message], reply_tokens: int) -> int:
         """A context that holds prompt and reply: Ollama cuts what does not fit, and says nothing.

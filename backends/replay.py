@@ -4,6 +4,7 @@ import shlex
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -53,12 +54,17 @@ class ReplayBackend:
 def given(events: Iterable[Mapping[str, Any]]) -> list[Reply | BackendFailure]:
     """What the proposer of a run was given, in order; of votes their outcome, with what they cost together."""
     found: list[Reply | BackendFailure] = []
-    for event in filter(is_outcome, events):
+    asked: list[Any] = []  # The prompts of the last replies, where they may be votes that nothing was made of yet.
+    merges = False
+    for event in events:
         kind, text = event["event"], str(event.get("text", ""))
         last = found[-1] if found else None
+        merges = merges or _merges(event)
         if kind == REPLY:
             found.append(_reply(event, text))
-        elif kind == VOTE and isinstance(last, Reply):
+            asked += [event.get("prompt")] * merges
+            continue
+        if kind == VOTE and isinstance(last, Reply):
             count = max(len(event.get("ballots", ())), 1)
             votes = [reply for reply in found[-count:] if isinstance(reply, Reply)]
             usage = sum((vote.usage for vote in votes), Usage())
@@ -68,9 +74,25 @@ def given(events: Iterable[Mapping[str, Any]]) -> list[Reply | BackendFailure]:
                 found[-1] = Verdict(event.get("verdict", "accept"), text).on(last)
             except ReplyRefused as refusal:
                 found[-1] = refusal
-        elif kind == LOST_CALL:
+        elif kind == LOST_CALL and is_outcome(event):
+            # Votes on the prompt that was then refused were not handed on.
+            del found[len(found) - _alike(asked, event.get("prompt")) :]
             found.append(PromptRefused(str(event.get("reason", ""))))
-    return found
+        elif kind != "proposal":
+            continue
+        asked = []
+    # Nor were those with which a run ended before it had all of them.
+    return found[: len(found) - _alike(asked, asked[-1])] if asked else found
+
+
+def _merges(event: Mapping[str, Any]) -> bool:
+    """Whether an event begins a run with several votes a round."""
+    return int(event.get("config", {}).get("backend_options", {}).get("votes") or 1) > 1
+
+
+def _alike(prompts: Sequence[Any], prompt: Any) -> int:
+    """How many of the last prompts are this one."""
+    return sum(1 for _ in takewhile(lambda other: other == prompt, reversed(prompts)))
 
 
 def _reply(event: Mapping[str, Any], text: str) -> Reply:

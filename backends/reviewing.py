@@ -6,18 +6,18 @@ import json
 import os
 import shlex
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, TextIO
+from typing import Literal
 
 from ..core.contracts.reply_parsing import parse_object
 from ..core.errors import BsaError
-from ..core.messages import Backend, BudgetSpent, JsonSchema, Message, Reply, ReplyRefused
+from ..core.messages import Backend, JsonSchema, Message, Reply, ReplyRefused
 from ..core.printable import strip_control
 from ..core.run.recording import REVIEW, BackendAround, Recorder
+from .terminal import Terminal
 
 
 @dataclass(frozen=True)
@@ -79,11 +79,11 @@ def _shown(text: str, schema: JsonSchema) -> str:
 
 
 class TerminalReviewer:
-    """A person at the terminal: standard input and standard error, unless ``source`` and ``target`` are given."""
+    """A person at the terminal."""
 
-    def __init__(self, source: TextIO | None = None, target: TextIO | None = None) -> None:
-        self._source = source
-        self._target = target
+    def __init__(self, terminal: Terminal | None = None) -> None:
+        self._terminal = terminal or Terminal()
+        self._say, self._line = self._terminal.say, self._terminal.line
 
     def __call__(self, shown: str) -> Verdict:
         """Show a reply and ask until there is a decision."""
@@ -102,31 +102,23 @@ class TerminalReviewer:
                 return Verdict("refuse", strip_control(self._line().strip()))
 
     def _edit(self, shown: str) -> str | None:
-        """The edited text, or None if it holds no object."""
+        """The edited text, or None if it holds no object, or the editor was left with an error (``:cq``)."""
         editor = os.environ.get("VISUAL") or os.environ.get("EDITOR")
-        if editor and self._source is None:
-            edited = _in_editor(shlex.split(editor), shown)
-        else:
-            self._say('write the reply, ended by "." on a line of its own:')
-            lines: list[str] = []
-            while (line := self._line()).strip() != ".":
-                lines.append(line)
-            edited = "".join(lines)
         try:
+            opens = editor and self._terminal.has_screen
+            edited = _in_editor(shlex.split(editor), shown) if opens else self._typed()
             parse_object(edited)
         except BsaError as error:
             self._say(str(error))
             return None
         return edited
 
-    def _line(self) -> str:
-        line = (self._source or sys.stdin).readline()
-        if not line:
-            raise BudgetSpent("the input ended: nobody reviews any more")
-        return line
-
-    def _say(self, text: str) -> None:
-        print(text, file=self._target or sys.stderr, flush=True)
+    def _typed(self) -> str:
+        self._say('write the reply, ended by "." on a line of its own:')
+        lines: list[str] = []
+        while (line := self._line()).strip() != ".":
+            lines.append(line)
+        return "".join(lines)
 
 
 def _in_editor(editor: list[str], text: str) -> str:

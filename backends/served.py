@@ -124,7 +124,10 @@ class ServedBackend(ABC):
                 try:
                     shown = drop_memory(shown, notes)
                 except ContextTooSmallError:
-                    raise PromptTooLong(f"{self.name}: the prompt is longer than the model's context") from None
+                    raise PromptTooLong(
+                        f"{self.name}: the prompt, with room for the reply (max_reply_tokens), is longer than the "
+                        "model's context"
+                    ) from None
             except FormRefusedError as refusal:
                 raise PromptRefused(redact(f"{self.name} refuses the request: {refusal}")) from None
             except BackendFailure as failure:

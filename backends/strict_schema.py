@@ -4,6 +4,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from ..core.json_object import json_object
 from ..core.messages import JsonSchema, without_alternatives
 
 # OpenAI's structured outputs refuse these; a reply is checked against them by the proposer anyway.
@@ -41,11 +42,8 @@ def _inner(value: Any) -> Any:
 
 def without_nulls(text: str) -> str:
     """A reply to a strict schema without the optional properties that it left null."""
-    try:
-        content = json.loads(text)
-    except (ValueError, RecursionError):
-        return text
-    return json.dumps(_prune(content), ensure_ascii=False)
+    content = json_object(text)
+    return text if content is None else json.dumps(_prune(content), ensure_ascii=False)
 
 
 def _prune(value: Any) -> Any:

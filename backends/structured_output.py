@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
+from ..core.json_object import json_object
 from ..core.messages import JsonSchema, Message, StructuredBy, Usage, without_alternatives
 
 T = TypeVar("T")
@@ -96,12 +97,7 @@ def with_schema_in_prompt(messages: Sequence[Message], schema: JsonSchema, form:
 
 def held_by(form: StructuredBy, text: str, schema: JsonSchema) -> StructuredBy:
     """The form that truly held the reply: some servers accept a schema and ignore it."""
-    if form == "text":
-        return "text"
-    try:
-        content = json.loads(text)
-    except (ValueError, RecursionError):
-        return "text"
-    if not isinstance(content, dict):
+    content = json_object(text)
+    if form == "text" or content is None:
         return "text"
     return form if form == "json" or set(schema.get("required", ())) <= content.keys() else "json"

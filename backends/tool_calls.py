@@ -3,6 +3,7 @@
 import json
 from typing import Any
 
+from ..core.json_object import json_object
 from ..core.messages import ALTERNATIVES, JsonSchema
 from .strict_schema import strict
 
@@ -32,10 +33,7 @@ def _tool(schema: JsonSchema, strictly: bool) -> dict[str, Any]:
 
 def as_object(name: str, arguments: str) -> str:
     """A call as the object that the schema describes; arguments that are none stay as they are."""
-    try:
-        content = json.loads(arguments or "{}")
-    except (ValueError, RecursionError):
-        return arguments
-    if not isinstance(content, dict):
+    content = json_object(arguments or "{}")
+    if content is None:
         return arguments
     return json.dumps(content if name == _ONLY else {_CHOICE: name, **content}, ensure_ascii=False)

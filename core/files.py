@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from .errors import BsaError
+from .json_object import json_object
 from .printable import shown
 
 _DRAFT = ".bsa-draft"
@@ -101,10 +102,9 @@ def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 def read_json(path: Path) -> dict[str, Any] | None:
     """A JSON object; None where there is none, or half of one."""
     try:
-        content = json.loads(path.read_bytes()) if path.is_file() else None
-    except (OSError, ValueError, RecursionError):
+        return json_object(path.read_bytes()) if path.is_file() else None
+    except OSError:
         return None
-    return content if isinstance(content, dict) else None
 
 
 def load_json(path: Path, hint: str) -> Any:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from ...core.messages import Backend, JsonSchema, Message, Reply
-from ...core.run.recording import BackendAround
+from ...core.run.recording import BackendAround, Recorder
 
 NO_MODEL = (
     "No language model: the rules backend reasons from the prompt alone. "
@@ -18,6 +18,10 @@ class NoModelTold(BackendAround):
         super().__init__(inner)
         self._say = say
         self._told = False
+
+    def recorded_by(self, recorder: Recorder) -> Backend:
+        """See `bsa.core.run.recording.Layer`: inside may be votes and reviews."""
+        return NoModelTold(recorder.around(self._inner), self._say)
 
     def complete(self, messages: Sequence[Message], schema: JsonSchema, *, seed: int) -> Reply:
         """See `Backend.complete`."""

@@ -188,7 +188,8 @@ def run(
         _execute(request, resources, as_json, identifiability, discovery_command_of(resume), resumed=True)
         return
     if data and task is not None:
-        raise BsaError(f'both a task ("{task}") and --data were given.', "give one of them.")
+        several = " Behind one --data stand files; of several folders, write --data before each." * Path(task).is_dir()
+        raise BsaError(f'both a task ("{task}") and --data were given.', f"give one of them.{several}")
     budgets = given_budgets(rounds=rounds, warm_up=warmup, simulations=simulations, seed=seed)
     reached = language_model.options(exchange=exchange, votes=votes if votes > 1 else None, review=review or None)
     request = run_request(
@@ -259,8 +260,7 @@ def _execute(
     backend, may_not_answer = ready_backend(config.backend, config.backend_options, (folder / FILE_NAME).exists())
     listener: LiveProgress | PlainProgress
     title = one_line(f"{task.name} · {config.scaffold.name} · {backend.name}")
-    live = sys.stderr.isatty() and not as_json
-    if live:
+    if sys.stderr.isatty() and not as_json and not _asks_a_person(config):
         listener = LiveProgress(title, unit, config.simulations, to_discover)
     else:
         listener = PlainProgress(unit, command=to_discover)
@@ -304,6 +304,12 @@ def _execute(
             f"Stopped: interrupted. The search is finished; go on with what follows it with: {go_on}", file=sys.stderr
         )
         raise typer.Exit(INTERRUPTED)
+
+
+def _asks_a_person(config: RunConfig) -> bool:
+    """Whether a person answers at the terminal: what is redrawn there would wipe away what is typed."""
+    options = config.backend_options
+    return bool(options.get("review")) or (config.backend == "manual" and options.get("exchange") is None)
 
 
 def _resume_command(folder: Path, identifiability: bool = True) -> str:

@@ -31,10 +31,6 @@ class Reading(BaseModel, extra="forbid"):
     reader: str | None = Field(None, description="Reader to use; left out, the one that recognises the file.")
     temperature: float | None = Field(None, description="Ambient temperature in place of what the records say, degC.")
 
-    def options(self) -> dict[str, Any]:
-        """As keyword arguments of `bsa.read_record`, `bsa.calibrate` and `bsa.discover`."""
-        return self.model_dump()
-
 
 class Cell(BaseModel, extra="forbid"):
     """Which model of which cell, and which of its parameters are searched; left out for a task, which has its own."""

@@ -15,7 +15,6 @@ from ...core.files import load_json
 from ...core.hooks import RunContext
 from ...core.metrics import errors_of, evaluate
 from ...core.parameters import Candidate
-from ...core.proposal import apply_change
 from ...core.reading.summary import summary
 from ...core.run.budget import with_budget
 from ...core.run.journal import read_events
@@ -92,19 +91,19 @@ def sensitivities(
     """What a typical step of each parameter does to each feature of the match."""
     task = _task(data, options, cell)
     base = _candidate(task, values)
-    moved = {
-        one.name: {**base, one.name: one.project(apply_change(base[one.name], one.typical_step))} for one in task.space
-    }
+    # Upwards at an upper bound there is no room.
+    moved = {one.name: {**base, one.name: one.a_step_aside(base[one.name])} for one in task.space}
     with _plugins(task) as plugins:
         outcomes = in_order(plugins.simulate([base, *moved.values()], exact=False))
         start, *ends = (
             plugins.build_feedback(outcome, evaluate(task, outcome), place).numbers
             for place, outcome in enumerate(outcomes)
         )
-    effects = {
-        name: {feature: float(f"{end[feature] - start[feature]:.3g}") for feature in start if feature in end}
-        for name, end in zip(moved, ends, strict=True)
-    }
+    effects = {}
+    for one, end in zip(task.space, ends, strict=True):
+        steps = one.in_steps(moved[one.name][one.name]) - one.in_steps(base[one.name])
+        change = {feature: (end[feature] - start[feature]) / steps for feature in start if feature in end}
+        effects[one.name] = {feature: float(f"{effect:.3g}") for feature, effect in change.items()}
     return {
         "values": base,
         "steps": {one.name: one.typical_step for one in task.space},

@@ -83,7 +83,7 @@ class Tools:
     @told
     async def read_record(self, path: str, reading: Reading = Reading()) -> Json:  # noqa: B008
         """Read a cycler's file: its steps with durations, currents and voltages, and what was assumed or repaired."""
-        return await anyio.to_thread.run_sync(functions.read_record, self._folders.file(path), reading.options())
+        return await anyio.to_thread.run_sync(functions.read_record, self._folders.file(path), reading.model_dump())
 
     @told
     async def simulate(
@@ -190,7 +190,7 @@ class Tools:
         if isinstance(found, str):
             _check_of_task(found, cell, reading)
         else:
-            options |= reading.options()
+            options |= reading.model_dump()
         with self._new_folder(out, found) as folder:
             return await carried_out(context, function, {"options": {**options, "out": folder}}, folder, simulations)
 
@@ -221,7 +221,7 @@ class Tools:
         found = self._data(data)
         if isinstance(found, str):
             _check_of_task(found, cell, reading)
-        said = {"data": found, "cell": cell.given(self._folders), "options": reading.options()}
+        said = {"data": found, "cell": cell.given(self._folders), "options": reading.model_dump()}
         return {**said, "values": dict(values)}
 
     def _data(self, data: str | list[str]) -> str | list[Path]:

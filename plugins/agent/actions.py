@@ -27,7 +27,7 @@ _MOST_SIMULATIONS, _DEFAULT_SIMULATIONS = 40, 5
 _LOWEST_RATE_PERCENT = 10
 """Lowest share of the currents from which "reduce" comes back, %."""
 
-_HYPOTHESIS, _RATIONALE = 300, 500
+_ANALYSIS, _HYPOTHESIS, _RATIONALE = 4000, 300, 500
 """Characters of these texts, at most."""
 
 _NEEDS: dict[Kind, tuple[str, ...]] = {
@@ -59,7 +59,7 @@ class Offer:
     kinds: tuple[Kind, ...]  # The actions.
     space: ParameterSpace  # What is searched.
     steps: tuple[str, ...] = ()  # Names of the steps that can be looked at.
-    analysis_chars: int = 4000  # How long its analysis may be; 0 asks for no reasons at all.
+    reasoning: bool = True  # Whether it is asked to think and to give reasons before it acts.
     drives: bool = False  # Whether the task can be made easier by what drives it (`Domain.drives`).
     cycles: int = 0  # Of a long record, how many cycles can be asked for.
 
@@ -116,8 +116,8 @@ def _schema(offer: Offer, kinds: tuple[Kind, ...]) -> dict[str, Any]:
         cycle = {"type": "integer", "minimum": 1, "maximum": offer.cycles}
         parts["look_at"] = {"type": "array", "items": cycle, "maxItems": SHOWN}
     required = ["action", *needed]
-    if offer.analysis_chars:
-        before = {"analysis": offer.analysis_chars, "hypothesis": _HYPOTHESIS}
+    if offer.reasoning:
+        before = {"analysis": _ANALYSIS, "hypothesis": _HYPOTHESIS}
         parts = {**_texts(before), **parts, **_texts({"rationale": _RATIONALE})}
         required = [*before, *required, "rationale"]
     return {"type": "object", "properties": parts, "required": required, "additionalProperties": False}
@@ -155,7 +155,7 @@ def check_action(reply: Mapping[str, Any], offer: Offer, base: Candidate, trials
         raise BsaError(
             f'"action" is "{shown}".', did_you_mean(str(kind), offer.kinds) or f"choose one of {list(offer.kinds)}."
         )
-    limits = {"analysis": offer.analysis_chars, "hypothesis": _HYPOTHESIS, "rationale": _RATIONALE}
+    limits = {"analysis": _ANALYSIS * offer.reasoning, "hypothesis": _HYPOTHESIS, "rationale": _RATIONALE}
     words = {name: strip_control(str(reply.get(name, "")))[:limit] for name, limit in limits.items()}
     candidates: list[Candidate] = []
     updates: Mapping[str, str] | None = None

@@ -26,8 +26,8 @@ _WORST, _MATCHING = 3, 3
 _NEGLIGIBLE = 0.02
 """Share of the largest suggested change, in typical steps, below which a parameter is left as it is."""
 
-_CHANGE_DIGITS = 3
-"""Digits of a suggested change: a step of a tenth is told to a hundredth of it."""
+_CHANGE_DIGITS = 5
+"""Digits of a suggested change: a tenth of a step, ``"*1.0096"``, is told to a hundredth of it."""
 
 
 def predicted(situation: Situation, candidate: Candidate) -> dict[str, Any]:

@@ -43,7 +43,7 @@ def instruction(offer: Offer, gentler: str) -> str:
 def build_messages(situation: Situation, offer: Offer) -> list[Message]:
     """The conversation that asks for the next action."""
     sections = [*situation.sections(), title(INSTRUCTION) + instruction(offer, situation.task.domain.gentler)]
-    system = system_message(situation.task, situation.base, offer.analysis_chars > 0)
+    system = system_message(situation.task, situation.base, offer.reasoning)
     return [system, Message("user", "\n\n".join(sections), situation.images)]
 
 
@@ -53,11 +53,11 @@ def build_digest(situation: Situation, offer: Offer, change: Mapping[str, str]) 
     ``change`` is the suggested change; empty where effects are to be measured.
     """
     copied = {"action": "set", "updated_params": dict(change)} if change else {"action": "jacobian"}
-    reasons = {"analysis": "...", "hypothesis": "...", "rationale": "..."} if offer.analysis_chars else {}
+    reasons = {"analysis": "...", "hypothesis": "...", "rationale": "..."} if offer.reasoning else {}
     sections = [
         situation.task_section(brief=True),
         section(DIGEST, {**situation.standing(), **digest(situation, change)}),
         f"{title(INSTRUCTION)}{_COPY if change else _MEASURE}\n{json.dumps(copied | reasons)}",
     ]
-    system = system_message(situation.task, situation.base, offer.analysis_chars > 0, brief=True)
+    system = system_message(situation.task, situation.base, offer.reasoning, brief=True)
     return [system, Message("user", "\n\n".join(sections), situation.images)]

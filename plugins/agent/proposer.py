@@ -33,9 +33,7 @@ _IMPROVEMENT = 1e-3
 class AgentOptions(BaseModel, extra="forbid"):
     """How the agent is asked."""
 
-    memory_budget: int = Field(4500, ge=500, description="Characters that each memory may take in the prompt.")
     reasoning: bool = Field(True, description="Whether it is asked to think and to give reasons before it acts.")
-    analysis_chars: int = Field(4000, ge=100, description="Longest analysis inside the reply, in characters.")
     free_actions: int = Field(3, ge=0, description="Free questions (predict, look) in a round at most.")
     digest: bool = Field(
         False, description="Whether a digest (worst features, a suggested change to copy) is all that is told."
@@ -60,7 +58,7 @@ class AgentProposer:
         # Finite differences are no attempts.
         last = context.trials[-1] if context.trials[-1].phase == "search" and not self._measured else None
         self._note_attempts(context)
-        situation = Situation.of(context, self._options.memory_budget, last, self._clipped, self._look_at, self._failed)
+        situation = Situation.of(context, last, self._clipped, self._look_at, self._failed)
         offer, messages = self._digest(situation) if self._options.digest else self._whole(situation)
         answer, free = converse(self._backend, situation, offer, messages, self._options.free_actions)
         self._clipped = answer.value.projected if answer.value is not None else ()
@@ -89,7 +87,7 @@ class AgentProposer:
         if kind == "set" and not change:
             first = next(iter(space))
             change = {first.name: first.typical_step}
-        offer = Offer((kind,), space, analysis_chars=self._options.analysis_chars if self._options.reasoning else 0)
+        offer = Offer((kind,), space, reasoning=self._options.reasoning)
         return offer, build_digest(situation, offer, change)
 
     def _whole(self, situation: Situation) -> tuple[Offer, list[Message]]:
@@ -107,7 +105,7 @@ class AgentProposer:
             (*kinds, *offered_free(situation, self._options.free_actions)),
             situation.task.space,
             steps_to_look_at(situation),
-            self._options.analysis_chars if self._options.reasoning else 0,
+            self._options.reasoning,
             cycles=situation.cycles,
         )
 

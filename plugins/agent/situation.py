@@ -38,6 +38,9 @@ from ..feedback.structured import SUCCESS
 _NUMBER, _PARAMETER = "number", ("parameter", "now", "step")
 _BOUNDS = ("lower", "upper")
 
+_MEMORY_CHARS = 4500
+"""Characters that each memory may take in the prompt."""
+
 
 @dataclass(frozen=True, eq=False)
 class Situation:
@@ -56,7 +59,6 @@ class Situation:
     def of(
         cls,
         context: ProposeContext,
-        budget: int,
         last: Trial | None = None,
         clipped: Sequence[str] = (),
         look_at: Sequence[int] = (),
@@ -64,7 +66,7 @@ class Situation:
     ) -> Situation:
         """The situation of a run; what has the name of an attribute is that attribute."""
         base = closest([trial for trial in context.trials if trial.reduction is None] or context.trials)
-        told = tuple(sorted(context.recall(budget), key=lambda part: part.priority))
+        told = tuple(sorted(context.recall(_MEMORY_CHARS), key=lambda part: part.priority))
         return cls(context, base, None if last is base else last, told, tuple(clipped), tuple(look_at), tuple(failed))
 
     @property

@@ -26,7 +26,6 @@ class HistoryOptions(BaseModel, extra="forbid"):
     """What the per-round memory shows."""
 
     rounds: int = Field(6, ge=1, description="Trials shown at most: the closest ones and the latest ones.")
-    with_features: int = Field(1, ge=0, description="So many of the latest of them are shown with all their features.")
 
 
 class HistoryMemory:
@@ -89,12 +88,10 @@ class HistoryMemory:
         own = [self._trials[place] for place in places if self._notes[place][0] != FIT]
         latest = [trial for trial in own if trial.ok and trial is not now]
         names = list(now.feedback.content.get("features", {}))
-        if names and latest and self._options.with_features:
+        if names and latest:
             # Their names stand in the feedback.
-            content[TRIAL_FEATURES] = {
-                f"trial_{trial.index}": rounded([trial.feedback.numbers.get(name) for name in names], SHOWN_DIGITS)
-                for trial in latest[-self._options.with_features :]
-            }
+            features = [latest[-1].feedback.numbers.get(name) for name in names]
+            content[TRIAL_FEATURES] = {f"trial_{latest[-1].index}": rounded(features, SHOWN_DIGITS)}
         return content
 
     def _note(self, trial: Trial, proposal: Proposal | None) -> str:

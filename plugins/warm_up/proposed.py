@@ -17,9 +17,6 @@ from ..agent.situation import Situation
 from ..agent.updates import apply_updates, updates_schema
 from .random import RandomWarmUp, RandomWarmUpOptions
 
-_MEMORY_BUDGET = 4500
-"""Characters that each memory may take in the prompt: the default of `AgentOptions`."""
-
 
 class ProposedWarmUp:
     """Asks the model once for a list of perturbations; random ones fill in where it gives too few."""
@@ -32,7 +29,7 @@ class ProposedWarmUp:
     def warm_up(self, context: ProposeContext) -> Proposal:
         """See `RunHooks.warm_up`."""
         space, base, wanted = context.task.space, context.best, context.simulations_left
-        situation = Situation.of(context, _MEMORY_BUDGET)
+        situation = Situation.of(context)
         sections = situation.sections()
         sections.append(
             f"{title(INSTRUCTION)}Before the search, which has simulations of its own, we learn what each parameter "

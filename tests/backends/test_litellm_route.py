@@ -78,7 +78,7 @@ def _called(chat_completion, name, arguments):
 
 
 def test_actions_are_tools_where_that_is_asked_for(serve, chat_completion, messages):
-    offer = Offer(("set", "look"), space(), ("cc_discharge",), analysis_chars=0)
+    offer = Offer(("set", "look"), space(), ("cc_discharge",), reasoning=False)
     server = serve(lambda seen, handler: _called(chat_completion, "look", '{"step": "cc_discharge"}'))
     reply = _open(server, tool_calls=True).complete(messages, action_schema(offer), seed=0)
     assert json.loads(reply.text) == {"action": "look", "step": "cc_discharge"}
@@ -119,7 +119,7 @@ def test_a_server_without_tools_is_asked_by_schema(serve, chat_completion, propo
 
 
 def test_a_hosted_model_gets_tools_in_the_strict_subset(serve, chat_completion, messages, monkeypatch):
-    offer = Offer(("set", "predict"), space(), analysis_chars=0)
+    offer = Offer(("set", "predict"), space(), reasoning=False)
     change = json.dumps({"updated_params": dict.fromkeys(space().names) | {space().names[0]: "*1.2"}})
     server = serve(lambda seen, handler: _called(chat_completion, "predict", change))
     monkeypatch.setenv("OPENAI_API_KEY", "sk-openai-secret-000000")

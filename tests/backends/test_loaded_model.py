@@ -4,7 +4,7 @@ from types import SimpleNamespace
 import pytest
 from bsa.backends import loaded_model
 from bsa.backends.gpu_memory import GpuMemory
-from bsa.backends.loaded_model import load, release, taken_mb
+from bsa.backends.loaded_model import LoadedModel, load, release, taken_mb
 from bsa.core.errors import BsaError
 
 pytestmark = pytest.mark.filterwarnings("ignore")
@@ -114,3 +114,16 @@ def test_sixteen_bits_on_a_gpu_that_rounds_alike_each_time(tiny_model, gpu, monk
     assert load(str(tiny_model), "auto").description == "cuda, bfloat16"
     assert gpu.arguments["dtype"] is torch.bfloat16
     assert os.environ["CUBLAS_WORKSPACE_CONFIG"] == ":4096:8"
+
+
+@pytest.mark.slow
+def test_the_context_is_that_of_the_part_that_reads_text():
+    transformers = pytest.importorskip("transformers")
+    seeing = SimpleNamespace(config=transformers.Gemma3Config(text_config={"max_position_embeddings": 9000}))
+    assert LoadedModel(None, seeing, "").context_tokens == 9000
+
+
+def test_a_folder_that_is_not_there_is_not_looked_for_on_the_hub(tmp_path):
+    with pytest.raises(BsaError) as caught:
+        load(str(tmp_path / "nothing"), "auto")
+    assert caught.value.hint == "check the folder."

@@ -13,6 +13,7 @@ from bsa.backends.manual import ExchangeBackend, TerminalBackend
 from bsa.backends.opening import open_backend
 from bsa.backends.replay import ReplayBackend, replay
 from bsa.backends.reviewing import ReviewingBackend, TerminalReviewer, Verdict
+from bsa.backends.terminal import Terminal
 from bsa.backends.voting import VotingBackend
 from bsa.core.errors import BsaError
 from bsa.core.messages import (
@@ -168,7 +169,7 @@ def test_a_reviewer_accepts_edits_or_refuses(schema):
 
 def test_a_review_at_the_terminal(schema):
     source = io.StringIO('what\ne\nnot json\n.\ne\n{"updated_params": {"A": "*2"}}\n.\nr\ntoo bold\n')
-    reviewer = TerminalReviewer(source, io.StringIO())
+    reviewer = TerminalReviewer(Terminal(source, io.StringIO()))
     assert json.loads(reviewer("...").text) == {"updated_params": {"A": "*2"}}
     assert reviewer("...") == Verdict("refuse", "too bold")
     with pytest.raises(BudgetSpent):
@@ -181,7 +182,17 @@ def test_a_review_in_an_editor(monkeypatch, tmp_path):
     script.chmod(0o755)
     monkeypatch.setenv("VISUAL", str(script))
     monkeypatch.setattr("sys.stdin", io.StringIO("e\n"))
-    assert TerminalReviewer(target=io.StringIO())('{"a": "*9"}') == Verdict("edit", '{"a": "*2"}')
+    monkeypatch.setattr(Terminal, "has_screen", True)
+    assert TerminalReviewer(Terminal(target=io.StringIO()))('{"a": "*9"}') == Verdict("edit", '{"a": "*2"}')
+
+
+def test_an_editor_that_is_left_without_an_answer_asks_again(monkeypatch):
+    monkeypatch.setenv("VISUAL", "false")
+    monkeypatch.setattr("sys.stdin", io.StringIO("e\n\n"))
+    monkeypatch.setattr(Terminal, "has_screen", True)
+    said = io.StringIO()
+    assert TerminalReviewer(Terminal(target=said))('{"a": "*9"}') == Verdict("accept")
+    assert 'the editor "false" failed' in said.getvalue()
 
 
 def test_replay_gives_the_journal_again(tmp_path, monkeypatch, messages, schema):
@@ -309,7 +320,7 @@ def test_a_review_is_an_event_and_nobody_is_asked_twice(tmp_path, schema):
 def test_a_person_at_the_terminal(messages, schema):
     target = io.StringIO()
     source = io.StringIO('{"a":\n 1}\nI think\n{"b": 2}\n.\n')
-    backend = TerminalBackend(source, target)
+    backend = TerminalBackend(Terminal(source, target))
     first = backend.complete([*messages, Message("user", "\x1b[2Jwild")], schema, seed=0)
     assert json.loads(first.text) == {"a": 1}
     assert backend.complete(messages, schema, seed=0).text == 'I think\n{"b": 2}\n'
@@ -365,7 +376,7 @@ def test_askers_of_one_folder_have_a_number_each(tmp_path, messages, schema, mon
 
     def ask(seed):
         with contextlib.suppress(BackendFailure):
-            ExchangeBackend(tmp_path, timeout_s=0.0, target=io.StringIO()).complete(messages, schema, seed=seed)
+            ExchangeBackend(tmp_path, timeout_s=0.0).complete(messages, schema, seed=seed)
 
     askers = [threading.Thread(target=ask, args=(seed,)) for seed in range(3)]
     for asker in askers:
@@ -376,14 +387,13 @@ def test_askers_of_one_folder_have_a_number_each(tmp_path, messages, schema, mon
     assert {json.loads(path.read_text())["seed"] for path in tmp_path.glob("prompt-*.json")} == {0, 1, 2}
 
 
-def test_an_exchange_says_what_it_waits_for_and_why_a_reply_was_refused(tmp_path, schema):
-    told = io.StringIO()
-    backend = ExchangeBackend(tmp_path, timeout_s=0.0, target=told)
+def test_an_exchange_says_what_it_waits_for_and_why_a_reply_was_refused(tmp_path, schema, capsys):
+    backend = ExchangeBackend(tmp_path, timeout_s=0.0)
     refusal = "That reply cannot be used: no such\nparameter. Answer again."
     for text in ("Propose.", refusal):
         with pytest.raises(BackendFailure):
             backend.complete([Message("user", text)], schema, seed=1)
-    assert told.getvalue().splitlines() == [
+    assert capsys.readouterr().err.splitlines() == [
         f"note: Waiting for {tmp_path / 'reply-001.txt'}, the reply to prompt-001.json.",
         "note: That reply cannot be used: no such parameter. Answer again. "
         f"Waiting for {tmp_path / 'reply-002.txt'}, the reply to prompt-002.json.",

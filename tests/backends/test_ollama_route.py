@@ -83,6 +83,14 @@ def test_the_context_holds_prompt_and_reply(serve, proposal, messages, schema):
     assert "What to do" in _chats(server)[-1]["messages"][0]["content"]
 
 
+def test_a_prompt_and_its_reply_share_a_short_context(serve, proposal, messages, schema):
+    server = serve(Ollama(json.dumps(proposal), context=4096))
+    _open(server).complete(messages, schema, seed=0)
+    _open(server, max_reply_tokens=3000).complete(messages, schema, seed=0)
+    told = [body["options"] for body in _chats(server)]
+    assert [(one["num_predict"], one["num_ctx"]) for one in told] == [(2048, 4096), (3000, 4096)]
+
+
 def test_images_where_the_model_sees(serve, proposal, schema, tmp_path):
     (tmp_path / "a.png").write_bytes(b"\x89PNG\r\n\x1a\n")
     shown = [Message("user", "look", (tmp_path / "a.png",))]

@@ -84,3 +84,8 @@ def test_an_exchange_folder_goes_with_manual_alone(spec):
     with pytest.raises(BsaError, match=f"--exchange does not go with the backend {spec}"):
         check_backend(spec, {"exchange": "folder"})
     check_backend("manual", {"exchange": "folder"})
+
+
+def test_a_folder_behind_manual_is_no_exchange():
+    with pytest.raises(BsaError, match="manual --exchange talks"):
+        open_backend("manual:talks")

@@ -215,6 +215,13 @@ def test_the_thread_ends_with_the_deadline(listen, messages, schema, start):
     assert _calls() == []
 
 
+def test_a_socks_proxy_without_its_package_is_told_at_once(messages, schema, monkeypatch):
+    monkeypatch.setenv("all_proxy", "socks5://127.0.0.1:9")
+    monkeypatch.setattr("bsa.backends.bounded_http.find_spec", lambda name: None)
+    with pytest.raises(BackendUnreachable, match=r"in 1 attempt: .*pip install socksio"):
+        _complete("http://host.invalid/v1", messages, schema)
+
+
 def test_the_environments_proxy_is_used_and_not_for_this_machine(serve, messages, schema, monkeypatch, chat_completion):
     proxy = serve(lambda seen, handler: (200, {}, chat_completion("{}")))
     server = serve(lambda seen, handler: (200, {}, chat_completion("{}")))

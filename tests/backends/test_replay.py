@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 import typer
 from bsa.backends.opening import open_backend
+from bsa.backends.replay import given
+from bsa.core.messages import Reply
 from bsa.core.run.loop import RunResult
 from bsa.core.run.run_config import RunConfig
 from bsa.experiments.cli.exit_codes import STOPPED
@@ -62,3 +64,34 @@ def test_of_a_run_that_ended_by_itself_no_more_replies_are_promised(
     assert "--backend NAME" in last
     assert "--resume" not in last
     assert read_request(tmp_path / "again")[1].backend == backend
+
+
+def reply(text: str, prompt: str) -> dict[str, Any]:
+    told = [{"role": "user", "text": prompt, "images": 0}]
+    return {"event": "reply", "text": text, "usage": {}, "prompt": told}
+
+
+def vote(text: str, count: int) -> dict[str, Any]:
+    return {"event": "vote", "text": text, "ballots": [{}] * count, "rejected": []}
+
+
+def of_votes(*events: dict[str, Any]) -> list[str]:
+    """What the proposer of a run with two votes was given."""
+    begin = {"event": "run", "config": {"backend_options": {"votes": 2}}}
+    return [one.text if isinstance(one, Reply) else type(one).__name__ for one in given([begin, *events])]
+
+
+def test_votes_that_were_not_merged_were_not_given() -> None:
+    whole = [reply("a", "first"), reply("b", "first"), vote("merged", 2), {"event": "proposal"}]
+    assert of_votes(*whole) == ["merged"]
+    assert of_votes(*whole, reply("c", "second")) == ["merged"]  # the run was stopped before the second vote
+    refused = {"event": "lost-call", "reason": "too long", "refused": True, "prompt": reply("", "second")["prompt"]}
+    assert of_votes(*whole, reply("c", "second"), refused) == ["merged", "PromptRefused"]
+    taken_up_again = [reply("c", "second"), {"event": "resumed"}, reply("d", "second"), vote("both", 2)]
+    assert of_votes(*whole, *taken_up_again) == ["merged", "both"]
+
+
+def test_a_reply_that_is_no_vote_is_given_as_it_is() -> None:
+    alone = [reply("measure", "first"), {"event": "proposal"}]
+    assert of_votes(*alone, reply("a", "second"), reply("b", "second"), vote("merged", 2)) == ["measure", "merged"]
+    assert of_votes(*alone) == ["measure"]

@@ -133,7 +133,7 @@ def test_llama_cpp_holds_a_random_model_to_the_schema(llama_server, messages, sc
 
 
 def test_llama_cpp_gives_an_action_what_it_needs(llama_server, messages):
-    offer = Offer(("set", "simulate", "jacobian", "look"), space(), ("cc_discharge",), analysis_chars=0)
+    offer = Offer(("set", "simulate", "jacobian", "look"), space(), ("cc_discharge",), reasoning=False)
     backend = open_backend("openai:tiny", {"base_url": llama_server, "max_reply_tokens": 1500, "temperature": 0.7})
     replies = [backend.complete(messages, action_schema(offer), seed=seed) for seed in range(20)]
     needed = {"set": "updated_params", "simulate": "candidates", "jacobian": "action", "look": "step"}

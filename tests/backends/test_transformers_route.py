@@ -57,7 +57,7 @@ def test_a_reply_is_finished_even_where_tokens_are_few(tiny_model, messages, sch
 
 @pytest.mark.slow
 def test_an_action_has_what_it_needs_however_weak_the_model(tiny_model, messages):
-    offer = Offer(("set", "simulate", "jacobian", "look"), space(), ("cc_discharge",), analysis_chars=100)
+    offer = Offer(("set", "simulate", "jacobian", "look"), space(), ("cc_discharge",), reasoning=False)
     backend = _open(tiny_model, temperature=1.5, max_reply_tokens=400)
     replies = [backend.complete(messages, action_schema(offer), seed=seed) for seed in range(8)]
     asked = {check_action(json.loads(reply.text), offer, space().initial, []).kind for reply in replies}

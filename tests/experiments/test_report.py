@@ -5,6 +5,7 @@ import re
 import time
 from dataclasses import asdict, replace
 from html.parser import HTMLParser
+from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -278,6 +279,10 @@ class TestPage:
         assert "https://" not in html
         assert all(target.startswith("#") for target in re.findall(r"url\(([^)]*)\)", html))
         assert "@import" not in html
+
+    def test_the_file_that_defines_the_errors_is_where_the_page_says(self, folder):
+        (named,) = re.findall(r"core/\S+\.py", page_of(folder)[0].text)
+        assert (files("bsa") / named).is_file()
 
     def test_a_prompt_is_printed_once(self, folder):
         _, html = page_of(folder)

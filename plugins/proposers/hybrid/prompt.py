@@ -49,7 +49,7 @@ def build_messages(situation: Situation, offer: Offer, numerics: Mapping[str, An
     sections = [*situation.sections(), section(NUMERICS, rounded(numerics, SHOWN_DIGITS))]
     told = instruction(offer, situation.task.domain.gentler)
     sections.append(f"{title(INSTRUCTION)}{_BESIDE.replace('{near}', near)}\n{told}")
-    system = system_message(situation.task, situation.base, offer.analysis_chars > 0)
+    system = system_message(situation.task, situation.base, offer.reasoning)
     return [system, Message("user", "\n\n".join(sections), situation.images)]
 
 

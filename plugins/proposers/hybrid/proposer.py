@@ -49,8 +49,6 @@ class HybridOptions(DescentOptions):
     """How the agent and the numerical fit share a run."""
 
     agent_share: float = Field(0.2, ge=0, le=0.5, description="Share of the simulations that the agent may direct.")
-    memory_budget: int = Field(4500, ge=500, description="Characters that each memory may take in the prompt.")
-    analysis_chars: int = Field(4000, ge=100, description="Longest analysis inside the reply, in characters.")
     free_actions: int = Field(3, ge=0, description="Free questions (predict, look) in a round at most.")
 
 
@@ -159,7 +157,7 @@ class HybridProposer:
         return self._hold <= 0 if main_goes_on else main_fit.misfit > _WORTH_ASKING
 
     def _ask(self, context: ProposeContext, main_fit: Descent, allowance: int) -> Answer[Action]:
-        situation = Situation.of(context, self._options.memory_budget, self._last_attempt, self._clipped, self._look_at)
+        situation = Situation.of(context, self._last_attempt, self._clipped, self._look_at)
         kinds: list[Kind] = ["refine", "set", "jacobian", "restart", "reduce"]
         if allowance > 1:
             kinds.insert(2, "simulate")
@@ -167,9 +165,8 @@ class HybridProposer:
             (*kinds, *offered_free(situation, self._options.free_actions)),
             self._space,
             steps_to_look_at(situation),
-            self._options.analysis_chars,
-            bool(context.task.domain.drives),
-            situation.cycles,
+            drives=bool(context.task.domain.drives),
+            cycles=situation.cycles,
         )
         self._present = situation.base.index
         messages = build_messages(situation, offer, self._numerics(main_fit, allowance))

@@ -19,7 +19,7 @@ from bsa.core.run.journal import read_events
 from bsa.core.run.run_config import RunConfig
 from bsa.core.target import OcpShape
 from bsa.core.task import CellModel
-from bsa.experiments.cli.run import _execute, _goes_beyond_its_set, _how_to_go_on, _print_summary
+from bsa.experiments.cli.run import _asks_a_person, _execute, _goes_beyond_its_set, _how_to_go_on, _print_summary
 from bsa.experiments.report.identifiability import caution_line, next_line
 from bsa.experiments.request import RunRequest
 from bsa.experiments.run import Resources, discovery_command_of
@@ -217,3 +217,16 @@ def test_the_name_of_a_task_does_not_steer_the_terminal(tmp_path, capsys) -> Non
     told = capsys.readouterr()
     assert "\x1b" not in told.err + told.out
     assert told.err.splitlines()[0].endswith(f"→ {tmp_path / 'run'}")
+
+
+@pytest.mark.parametrize(
+    ("backend", "options", "asks"),
+    [
+        ("rules", {}, False),
+        ("rules", {"review": True}, True),
+        ("manual", {}, True),
+        ("manual", {"exchange": "talks"}, False),
+    ],
+)
+def test_nothing_is_redrawn_where_a_person_types(backend: str, options: dict[str, object], asks: bool) -> None:
+    assert _asks_a_person(RunConfig(scaffold=toy_scaffold(), backend=backend, backend_options=options)) == asks

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from bsa.core.errors import BsaError
 from bsa.experiments.mcp_server import functions
-from bsa.experiments.tasks.find import PACKAGED
+from bsa.experiments.tasks.find import PACKAGED, find_task
 
 
 @pytest.fixture
@@ -37,6 +37,16 @@ def test_parameters_by_a_name_are_an_installed_set(function: Any, started_in: Pa
 def test_values_are_tried_in_an_installed_set(function: Any, started_in: Path) -> None:
     with pytest.raises(BsaError, match='there is no parameter set "run"'):
         function([started_in / "records" / "a.csv"], {}, {"parameters": "run"}, {})
+
+
+@pytest.mark.slow
+def test_effects_at_a_bound_are_those_of_a_step_to_the_other_side() -> None:
+    mass = find_task("oscillator").space["Mass [kg]"]
+    found = functions.sensitivities("oscillator", {}, {}, {mass.name: mass.upper})
+    below = functions.simulate("oscillator", {}, {}, {mass.name: mass.upper / 1.1})["feedback"]["features"]
+    for name, change in found["changes"][mass.name].items():
+        assert found["features"][name] - below[name] == pytest.approx(change, rel=0.05, abs=2e-3)
+    assert any(found["changes"][mass.name].values())
 
 
 def _begun(folder: Path, **event: Any) -> Path:

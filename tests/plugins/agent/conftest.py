@@ -55,6 +55,6 @@ def make_situation(tmp_path: Path) -> MakeSituation:
 
         best = min(trials, key=lambda trial: trial.objective)
         asked = ProposeContext(context.task, 2, tuple(trials), best, 7, 9, recall)  # type: ignore[arg-type]
-        return Situation.of(asked, 4500, trials[-1], clipped)
+        return Situation.of(asked, trials[-1], clipped)
 
     return make

@@ -35,7 +35,7 @@ def test_the_schema_is_bounded_and_knows_parameters_actions_and_steps() -> None:
 
 
 def test_without_reasons_the_schema_asks_for_the_action_alone() -> None:
-    schema = action_schema(replace(OFFER, analysis_chars=0))
+    schema = action_schema(replace(OFFER, reasoning=False))
     assert schema["required"] == ["action"]
     assert not {"analysis", "hypothesis", "rationale"} & set(schema["properties"])
 

@@ -71,6 +71,7 @@ def test_a_suggestion_is_shorter_than_what_was_no_better(make_situation: MakeSit
 
     assert length(()) > 1.0
     assert length((2.0, 1.0)) == pytest.approx(0.4, rel=0.1)
+    assert length((0.1,)) == pytest.approx(0.04, rel=0.1)
 
 
 def test_what_is_to_be_copied_has_one_notation() -> None:
