@@ -167,7 +167,7 @@ def _slow_share(which: str, model: Any, p: Mapping[str, Any]) -> Any:
 
     def potential(stoichiometry: Any) -> Any:
         within = _softly_above(1 - _softly_above(1 - stoichiometry))
-        # Empty or full material is not to be had for the potential at 0 or 1: beyond, it goes on as a logarithm does there.
+        # What is empty or full has no potential of its own: beyond its ends that goes on as a logarithm does there.
         beyond = (within - stoichiometry) * pybamm.constants.R * temperature / pybamm.constants.F / _END
         return electrode.U(within, temperature) + beyond
 
