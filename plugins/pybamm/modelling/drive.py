@@ -15,7 +15,7 @@ from ....core.errors import BsaError
 from ....core.taper import at_distinct_times, between_samples, from_its_beginning
 from ....core.task import Protocol
 from ....core.trajectory import SECONDS_PER_HOUR, FloatArray, StepKind, Trajectory
-from ..cells.parameter_sets import pybamm
+from ..cells.parameter_sets import CUT_OFFS, pybamm
 
 _WITHIN = 2e-3
 """Distance of a measured current from the straight lines that stand for it, as a share of its largest value: what
@@ -105,7 +105,7 @@ def shown_range(window_v: tuple[float, float], measured_v: FloatArray) -> tuple[
 
 def widen_cut_offs(values: Any) -> None:
     """Let a measured current run its course: a voltage event would end it before the record does."""
-    values.update({"Lower voltage cut-off [V]": EMPTY_V, "Upper voltage cut-off [V]": FULL_V})
+    values.update(dict(zip(CUT_OFFS, (EMPTY_V, FULL_V), strict=True)))
 
 
 class _Table(pybamm.Interpolant):  # type: ignore[misc]
