@@ -62,15 +62,16 @@ class Unfinished:
 def to_trajectory(
     solution: Any,
     protocol_steps: Sequence[Sequence[Any]],
-    with_temperature: bool = True,
+    numbers: Sequence[int],
+    with_temperature: bool,
     unfinished: Unfinished | None = None,
 ) -> Trajectory | None:
     """Join the solved steps of an experiment; None if not one step was solved.
 
-    ``protocol_steps`` are the experiment's cycles, each with its steps. One that the protocol skips (its end was
-    already reached) has no samples and does not appear; ``position`` tells which one is missing. The temperature of an
-    isothermal cell says nothing, and reading a variable costs a few per cent of a solve. ``unfinished`` comes last, as
-    a step cut short.
+    ``protocol_steps`` are the experiment's cycles, each with its steps, and ``numbers`` which of them, from 1, the
+    solution has. A step that the protocol skips (its end was already reached) has no samples and does not appear;
+    ``position`` tells which one is missing. The temperature of an isothermal cell says nothing, and reading a variable
+    costs a few per cent of a solve. ``unfinished`` comes last, as a step cut short.
     """
     if solution is None or not getattr(solution, "cycles", None):
         return None
@@ -80,10 +81,8 @@ def to_trajectory(
         signals[_TEMPERATURE] = []
     steps: list[Step] = []
     count = 0
-    for number, (cycle, recipe) in enumerate(zip(solution.cycles, protocol_steps, strict=False), start=1):
-        if cycle is None:
-            continue
-        for position, (part, step) in enumerate(zip(cycle.steps, recipe, strict=False)):
+    for number, cycle in zip(numbers, solution.cycles, strict=False):
+        for position, (part, step) in enumerate(zip(cycle.steps, protocol_steps[number - 1], strict=False)):
             if isinstance(part, pybamm.EmptySolution):
                 continue
             kind = step_kind(step)
