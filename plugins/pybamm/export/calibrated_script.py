@@ -14,7 +14,7 @@ from ....core.protocol_text import runs_of
 from ....core.target import CellChange
 from ....core.task import CellModel, Experiment, ParameterFile, Task
 from ....core.trajectory import StepKind
-from ..augmentation import augmented_cell, part_of
+from ..augmentation import augmented_cell, effects_in, part_of
 from ..cells.diffusivity_shape import by_diffusivity
 from ..cells.model_options import as_built
 from ..cells.ocp_shape import BUMP_WIDTH
@@ -42,8 +42,10 @@ def script(
 
     A script that runs by itself, and a module that offers ``parameter_values()``, ``model()`` and ``simulate()``; it
     will be called ``file_name``. Names and protocol strings come from files and models: they enter as literals only,
-    never as code or comments. ``candidate`` has a value for every searched parameter and for the effects' parameters.
+    never as code or comments. ``effects`` are those beside the cell's own; ``candidate`` has a value for every searched
+    parameter and for the parameters of all effects.
     """
+    effects = (*effects_in(task.cell), *effects)
     change = as_simulated(task.cell, task.space.change(candidate))
     cell = augmented_cell(task.cell, effects)
     from_file = isinstance(task.cell.parameter_set, ParameterFile)

@@ -177,7 +177,7 @@ def test_a_start_by_voltage_is_that_of_the_final_score(effects):
     cell = CellModel("Mohtat2020", "SPM", {"thermal": "lumped"}, effects=effects)
     cold = Experiment("cold", NOTHING, (("Rest for 1 second",),), temperature_k=298.15, initial_voltage=3.8)
     cold = replace(cold, initial_temperature_k=273.15)
-    made = namespace_of(script(task_of(cell, cold, RADIUS), {RADIUS: 5e-6, **shape}, effects_in(cell)), "script")
+    made = namespace_of(script(task_of(cell, cold, RADIUS), {RADIUS: 5e-6, **shape}), "script")
     start = made["simulate"](0)["Voltage [V]"].entries[0]
     score = solve_reference(cell, cold, CellChange({RADIUS: 5e-6}, effects=shape)).trajectory
     assert start == pytest.approx(3.8, abs=1e-3)
@@ -202,7 +202,7 @@ def test_what_an_effect_adds_to_the_voltage_is_in_the_scripts_cut_offs_and_imped
     rest = Experiment("rest", spectrum, initial_soc=0.6)
     effects = effects_in(cell)
     space = ParameterSpace(tuple(parameter for effect in effects for parameter in effect.searched))
-    made = namespace_of(script(Task("export", cell, space, (cycle, rest)), candidate, effects), "script")
+    made = namespace_of(script(Task("export", cell, space, (cycle, rest)), candidate), "script")
     assert made["simulate"](0)["Voltage [V]"].entries[-1] == pytest.approx(3.3, abs=1e-4)
     fitted = solve_reference(cell, rest, CellChange(effects=candidate)).trajectory
     assert made["impedance"](1)[-1, 2] == pytest.approx(-fitted.values("reactance")[-1], rel=1e-3)
@@ -215,7 +215,7 @@ def test_what_an_effect_makes_of_the_current_is_in_the_script(name):
     effects = effects_in(cell)
     space = ParameterSpace(tuple(parameter for effect in effects for parameter in effect.searched))
     experiment = Experiment("drive", drive_record(), initial_soc=0.6)
-    made = namespace_of(script(Task("export", cell, space, (experiment,)), {name: 1.1}, effects), "script")
+    made = namespace_of(script(Task("export", cell, space, (experiment,)), {name: 1.1}), "script")
     solution = made["simulate"]()
     wanted = solve_reference(cell, experiment, CellChange(effects={name: 1.1})).trajectory
     at = np.array([600.0, 1200.0, 1700.0])
@@ -230,7 +230,7 @@ def test_the_mesh_that_an_effect_asks_for_is_in_the_script():
     effects = effects_in(cell)
     experiment = Experiment("short", NOTHING, (("Discharge at 1C for 1 minute",),))
     space = ParameterSpace(tuple(parameter for effect in effects for parameter in effect.searched))
-    text = script(Task("export", cell, space, (experiment,)), {"particle-size-distribution: deviation": 0.3}, effects)
+    text = script(Task("export", cell, space, (experiment,)), {"particle-size-distribution: deviation": 0.3})
     assert 'effects = {"R_n": 10, "R_p": 10}' in text
 
 
