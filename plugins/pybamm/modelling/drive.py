@@ -154,24 +154,6 @@ def gate(begin: str, end: str) -> Any:
     return 1 - rise(begin) + rise(end)
 
 
-def steps_of_record(record: Trajectory) -> list[Any]:
-    """One PyBaMM step for each piece of the record's current.
-
-    The integrator restarts at each: as one bare interpolant over the whole record it would step clean
-    over a short pulse that follows a long rest.
-    """
-    return [_experiment_step(piece) for piece in pieces_of(record)]
-
-
-def _experiment_step(piece: Piece) -> Any:
-    if piece.constant:
-        return pybamm.step.Current(float(piece.current[0]), duration=piece.duration)
-    # One more knot beyond the end, so that the integrator never extrapolates.
-    time, current = np.append(piece.time, piece.duration + 60.0), np.append(piece.current, piece.current[-1])
-    words = f"Measured current of {current[0]:.3g} to {current[-1]:.3g} A for {piece.duration:.0f} s"
-    return pybamm.step.Current(np.column_stack([time, current]), duration=piece.duration, description=words)
-
-
 def current_function(record: Trajectory) -> CurrentFunction:
     """The measured current of a record, as a function of time that one compiled model can be driven by."""
     pieces = [piece for piece in pieces_of(record) if piece.duration > 3 * JUMP_S]
