@@ -64,7 +64,7 @@ def script(
         options=as_built(cell.options),
         effects=[quoted(number, effect, candidate) for number, effect in enumerate(effects, start=1)],
         points={name: count for effect in effects for name, count in part_of(effect).points.items()},
-        overrides={name: float(value) for name, value in task.cell.overrides.items()},
+        overrides={} if from_file else {name: float(value) for name, value in task.cell.overrides.items()},
         calibrated=dict(change.values),
         factors={} if from_file else dict(change.factors),
         bumps={} if from_file else by_curve(change.ocp_shape),

@@ -18,7 +18,8 @@ from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.api.scripts import namespace_of
 from bsa.plugins.effects.ageing import EFFECTS
 from bsa.plugins.pybamm.augmentation import effects_in
-from bsa.plugins.pybamm.export.calibrated_script import literal, script
+from bsa.plugins.pybamm.cells.parameter_files import parsed
+from bsa.plugins.pybamm.export.calibrated_script import literal, parameter_values_json, script
 from bsa.plugins.pybamm.solving import compiled, driven_cell
 from bsa.plugins.pybamm.solving.experiment_kinds import solve_reference
 
@@ -252,4 +253,13 @@ def test_a_factor_of_what_an_override_made_a_number_is_in_the_script():
     experiment = Experiment("r", NOTHING, (("Discharge at 1C for 60 s",),))
     factor = f"{diffusivity} factor"
     made = namespace_of(script(task_of(cell, experiment, factor), {factor: 2.0}), "script")
-    assert made["parameter_values"]()[diffusivity] == pytest.approx(6e-14)
+    assert made["parameter_values"]()[diffusivity] == pytest.approx(6e-14, abs=0.0)
+
+
+def test_a_multiplier_on_what_a_person_gave_a_set_from_a_file_is_in_the_script():
+    name = "Positive particle diffusivity [m2.s-1]"
+    file = parsed("cell.json", parameter_values_json(CellModel("Chen2020"), CellChange()))
+    cell = CellModel(file, "SPM", overrides={name: 3e-15})
+    experiment = Experiment("short", NOTHING, (("Discharge at 1C for 1 minute",),))
+    made = namespace_of(script(task_of(cell, experiment, f"{name} factor"), {f"{name} factor": 2.0}), "script")
+    assert made["parameter_values"]()[name] == pytest.approx(6e-15, abs=0.0)
