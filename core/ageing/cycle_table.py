@@ -67,7 +67,8 @@ class CycleTable:
         """
         return np.nan_to_num(self.at(cycles), nan=0.0)
 
-    def up_to(self, cycle: float) -> CycleTable:
-        """The lines up to a cycle. Raises `BsaError` if there is none."""
+    def up_to(self, cycle: float) -> CycleTable | None:
+        """The lines up to a cycle; None if there is none, as of a first cycle without a discharge."""
         kept = self.cycle <= cycle
-        return CycleTable(self.cycle[kept], *(getattr(self, name)[kept] for name in COLUMNS))
+        columns = (getattr(self, name)[kept] for name in ("cycle", *COLUMNS))
+        return CycleTable(*columns) if np.any(kept) else None

@@ -154,7 +154,7 @@ def _compare(task: Task, simulated: Trajectory, whole: Trajectory, experiment: E
     mape = q_mape + i_mape + v_mape
     driven = experiment.protocol is None
     v_rmse_mv = 1e3 * overlap_rms(simulated, target, "voltage", driven)
-    judged_mv = v_rmse_mv if task.weight == "uniform" else 1e3 * overlap_rms(simulated, target, "voltage", driven, True)
+    judged_mv = 1e3 * overlap_rms(simulated, target, "voltage", driven, True) if task.weight == "robust" else v_rmse_mv
     return PaperMetrics(
         objective=judged_mv if driven else mape,
         mape=mape,

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..ageing.residuals import compared_cycles, table_residuals
+from ..cell import CURRENT
 from ..signals import Signal
 from ..simulation import ExperimentRun, Outcome
 from ..task import Experiment, Task
@@ -275,6 +276,8 @@ def _durations_counted(pairs: list[StepPair], record: Trajectory) -> list[float]
         if pulse is StepKind.PULSE and rest is StepKind.REST:
             durations[place] = max(durations[place : place + 2])
             of_pulses[place + 1] = True
+    if CURRENT.name not in record.signals:
+        return durations  # of what is no cell
     drawn = record.discharge_capacity
     empty_ah = drawn.max() - _NEARLY_EMPTY * np.ptp(drawn)
     empty = [bool(drawn[pair.step.start] > empty_ah) for pair in pairs]

@@ -18,7 +18,6 @@ _MAX_DEPTH = 32
 _MAX_STARTS = 200
 _MAX_PASSES = 5
 
-_SURROGATE = re.compile("[\ud800-\udfff]")
 _END_OF_THOUGHTS = "</think>"
 _NUMBER = re.compile(r"-?[0-9]{1,300}(?:\.[0-9]{0,300})?(?:[eE][+-]?[0-9]{1,4})?")
 _QUOTES = {'"': '"', "'": "'", "“": "”", "`": "`"}
@@ -110,9 +109,9 @@ _STRICT = json.JSONDecoder(parse_int=_number, parse_float=_number, parse_constan
 
 
 def _clean(value: Any) -> Any:
-    """The value without lone surrogates, which could not be written to a journal."""
+    """The value with pairs of surrogates joined, and without lone ones, which could not be written to a journal."""
     if isinstance(value, str):
-        return _SURROGATE.sub("\ufffd", value)
+        return value.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "replace")
     if isinstance(value, list):
         return [_clean(item) for item in value]
     if isinstance(value, dict):

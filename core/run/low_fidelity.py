@@ -1,31 +1,22 @@
 """A simulator's low-fidelity model behind the journal: what it simulated is not simulated again when a run resumes."""
 
-from __future__ import annotations
-
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from ..comparison.residuals import residuals
 from ..encoding import decode_array, encode_array
 from ..parameters import Candidate
-from ..simulation import Outcome
 from ..task import Task
 from ..trajectory import FloatArray
 from .journal import Journal
 from .listener import SILENT, Listener
+from .run_plugins import RunPlugins
 
 LOW_FIDELITY = "low-fidelity"
 """Event of the journal: the residuals of a candidate by the simulator's low-fidelity model."""
 
 STEPS = "next step by the low-fidelity model"
 """What these simulations are for."""
-
-
-class Simulating(Protocol):
-    """Who has a low-fidelity model."""
-
-    def simulate_low_fidelity(self, candidates: Sequence[Candidate]) -> Iterator[tuple[int, Outcome]] | None:
-        """See `RunHooks.simulate_low_fidelity`."""
 
 
 class LowFidelitySimulations:
@@ -37,14 +28,14 @@ class LowFidelitySimulations:
     def __init__(
         self,
         task: Task,
-        simulating: Simulating,
+        plugins: RunPlugins,
         journal: Journal,
         earlier: Iterable[Mapping[str, Any]] = (),
         listener: Listener = SILENT,
     ) -> None:
-        self._task, self._simulating, self._journal, self._listener = task, simulating, journal, listener
+        self._task, self._plugins, self._journal, self._listener = task, plugins, journal, listener
         self._known: dict[tuple[tuple[str, float], ...], FloatArray | None] = {}
-        self.exists = simulating.simulate_low_fidelity([]) is not None
+        self.exists = plugins.simulate_low_fidelity([]) is not None
         """Whether the simulator has such a model of the task."""
         self.seconds = 0.0
         """Time of all these simulations, those side by side added up, s."""
@@ -62,7 +53,7 @@ class LowFidelitySimulations:
         """The residuals of each, shape (m,); None for one that failed."""
         keys = [_key(candidate) for candidate in candidates]
         places = [place for place, key in enumerate(keys) if key not in self._known]
-        outcomes = self._simulating.simulate_low_fidelity([candidates[place] for place in places]) if places else ()
+        outcomes = self._plugins.simulate_low_fidelity([candidates[place] for place in places]) if places else ()
         for done, (number, outcome) in enumerate(outcomes or (), start=1):
             candidate, found = candidates[places[number]], residuals(self._task, outcome)
             packed = None if found is None else encode_array(found)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import pluggy
 
@@ -22,6 +22,8 @@ from ..simulation import Outcome, in_order
 from ..task import Experiment, Protocol
 from ..task_reduction import TaskReduction
 from ..trial import Trial
+
+T = TypeVar("T")
 
 _MAIN_HOOK: dict[Part, str] = {
     "simulator": "simulate",
@@ -149,7 +151,7 @@ class RunPlugins:
             return None
         return self._outcomes(simulator, hook, pairs, len(candidates), self._context.task.experiments)
 
-    def _optional(self, hook: str, check: Callable[[Any], Any], **arguments: Any) -> Any:
+    def _optional(self, hook: str, check: Callable[[Any], T], **arguments: Any) -> T:
         """The checked answer of the plugin that implements the hook; that of none is None."""
         participant = self._only(hook)
         if participant is None:
@@ -161,19 +163,19 @@ class RunPlugins:
     def reduce_task(self, reduction: TaskReduction) -> tuple[Experiment, ...] | None:
         """See `RunHooks.reduce_task`; None where the simulator cannot."""
         count = len(self._context.task.experiments)
-        return self._optional("reduce_task", lambda found: products.experiments(found, count), reduction=reduction)  # type: ignore[no-any-return]
+        return self._optional("reduce_task", lambda found: products.experiments(found, count), reduction=reduction)
 
     def next_protocols(self) -> Mapping[str, Protocol]:
         """See `RunHooks.next_protocols`."""
-        return self._optional("next_protocols", products.protocols)  # type: ignore[no-any-return]
+        return self._optional("next_protocols", products.protocols)
 
     def weighs_priors(self) -> bool:
         """See `RunHooks.weighs_priors`."""
-        return self._optional("weighs_priors", products.yes_or_no)  # type: ignore[no-any-return]
+        return self._optional("weighs_priors", products.yes_or_no)
 
     def build_feedback(self, outcome: Outcome, metrics: Metrics | None, index: int) -> Feedback:
         """See `RunHooks.build_feedback`."""
-        return self._optional(  # type: ignore[no-any-return]
+        return self._optional(
             "build_feedback",
             lambda found: products.feedback(found, self._context.folder),
             outcome=outcome,
@@ -184,7 +186,7 @@ class RunPlugins:
     def propose(self, context: ProposeContext) -> Proposal:
         """See `RunHooks.propose`; a lost call that the proposer lets pass is a lost round."""
         try:
-            return self._optional(  # type: ignore[no-any-return]
+            return self._optional(
                 "propose", lambda found: products.proposal(found, context.task.space), context=context
             )
         except BackendFailure as failure:
@@ -193,7 +195,7 @@ class RunPlugins:
     def warm_up(self, context: ProposeContext) -> Proposal | None:
         """See `RunHooks.warm_up`; None where the scaffold has no warm-up."""
         try:
-            return self._optional(  # type: ignore[no-any-return]
+            return self._optional(
                 "warm_up",
                 lambda found: None if found is None else products.proposal(found, context.task.space),
                 context=context,
@@ -230,7 +232,7 @@ class RunPlugins:
 
     def export(self, candidate: Candidate) -> Mapping[str, str]:
         """See `RunHooks.export`."""
-        return self._optional("export", products.files, candidate=dict(candidate))  # type: ignore[no-any-return]
+        return self._optional("export", products.files, candidate=dict(candidate))
 
     def close(self) -> None:
         """See `RunHooks.close`; what goes wrong here is noted, for the run is over and the others are closed too."""

@@ -50,32 +50,31 @@ def _drifts(signals: RecordSignals, level: Level) -> bool:
 def numbered(
     trajectory: Trajectory, levels: list[Level], cycles: NDArray[np.int64] | None, tests: Collection[int] = ()
 ) -> tuple[Step, ...]:
-    """Steps with their cycles: the given ones, or by the rule that stands with `segment`.
+    """Steps with their cycles, the given ones if any; ``tests`` are the first samples of tests joined to the first."""
+    numbers = _counted(trajectory, levels) if cycles is None else [int(cycles[level.start]) for level in levels]
+    steps = [Step(str(one.kind), one.start, one.stop, number) for one, number in zip(levels, numbers, strict=True)]
+    return _merged(steps, tests)
 
-    ``tests`` are the first samples of tests that were joined to the first one.
-    """
-    if cycles is not None:
-        return _merged(
-            [Step(str(level.kind), level.start, level.stop, int(cycles[level.start])) for level in levels], tests
-        )
+
+def _counted(trajectory: Trajectory, levels: list[Level]) -> list[int]:
+    """The cycle of each level, by the rule that stands with `segment`."""
     passed = trajectory.discharge_capacity
     carried = [
         0.0 if level.kind in (StepKind.REST, StepKind.PULSE) else float(passed[level.stop - 1] - passed[level.start])
         for level in levels
     ]
     enough = CYCLE_SHARE * max((abs(charge) for charge in carried), default=0.0)
-    steps: list[Step] = []
+    numbers: list[int] = []
     cycle, direction, latest = 1, 0.0, 0.0
-    for level, charge in zip(levels, carried, strict=True):
+    for charge in carried:
         if charge != 0.0 and abs(charge) >= enough:
             way = float(np.sign(charge))
             direction = direction or way
             if way == direction and latest == -direction:
                 cycle += 1
             latest = way
-        assert level.kind is not None
-        steps.append(Step(level.kind, level.start, level.stop, cycle))
-    return _merged(steps, tests)
+        numbers.append(cycle)
+    return numbers
 
 
 def _merged(steps: list[Step], tests: Collection[int]) -> tuple[Step, ...]:

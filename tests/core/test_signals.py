@@ -47,6 +47,17 @@ def tank(**changes: object) -> Task:
     )
 
 
+def test_a_pulse_of_what_is_no_cell_counts_as_long_as_the_rest_behind_it() -> None:
+    steps = (Step("pulse", 0, 101), Step("rest", 101, 401, position=1))
+    pulsed = replace(record(), steps=steps)
+    found = residuals(
+        tank(experiments=(Experiment("a", pulsed),)), Outcome((ExperimentRun(replace(record(0.02), steps=steps)),))
+    )
+    assert found is not None
+    pulse, rest = np.split(found, 2)
+    assert pulse @ pulse == pytest.approx(rest @ rest)
+
+
 def outcome(level_m: float = 0.0, outflow: float = 0.0) -> Outcome:
     return Outcome((ExperimentRun(record(level_m, outflow)),))
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bsa.core.ageing.cycle_table import COLUMNS, CycleTable
 from bsa.core.comparison.residuals import partial_residuals, residuals
 from bsa.core.errors import BsaError
 from bsa.core.run.journal import read_events
@@ -16,6 +17,7 @@ from bsa.core.task_reduction import TaskReduction, shortened
 from bsa.core.trajectory import Trajectory
 from bsa.experiments.run_record import read_run
 from bsa_toy_cell import HIDDEN, record, space, toy_scaffold, toy_task
+from bsa_toy_life import life, life_task
 
 RunToy = Callable[..., RunResult]
 
@@ -89,6 +91,15 @@ def test_a_failure_before_the_scored_cycle_still_tells_of_the_first() -> None:
     assert found is not None
     assert np.count_nonzero(np.isfinite(found)) == 4 * 17
     assert partial_residuals(task, Outcome((ExperimentRun(None, failure),))) is None
+
+
+def test_a_life_whose_first_cycle_has_no_discharge_is_reduced_to_it() -> None:
+    target = life(20, 0.1)
+    assert target.cycle_table is not None
+    lines = {name: getattr(target.cycle_table, name)[1:] for name in ("cycle", *COLUMNS)}
+    (experiment,) = life_task(target).experiments
+    first = shortened(replace(experiment, target=replace(target, cycle_table=CycleTable(**lines))), 1)
+    assert (first.target.cycle_table, first.target.cycles, first.detailed_cycles) == (None, (1,), (1,))
 
 
 def fragile(breaks_above_ohm: float, name: str) -> object:

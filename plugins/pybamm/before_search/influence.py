@@ -6,10 +6,10 @@ from typing import Any
 from ....core.target import DiffusivityShape, Factor, OcpShape, Target, Value
 from ....core.task import CellModel
 from ..cells.nameplate import CAPACITY
-from ..cells.parameter_sets import pybamm
+from ..cells.parameter_sets import CUT_OFFS, pybamm
 from ..modelling.compiled_cell import CompiledCell, Start
 
-_OUTSIDE = (CAPACITY, "Open-circuit voltage at 0% SOC [V]", "Open-circuit voltage at 100% SOC [V]")
+_OUTSIDE = (CAPACITY, *CUT_OFFS.values())
 """Parameters that act outside the equations: on the currents of a protocol, and on what a state of charge means."""
 
 _OUTPUTS = ("Voltage [V]", "Volume-averaged cell temperature [K]")

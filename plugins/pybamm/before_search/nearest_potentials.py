@@ -100,7 +100,7 @@ def chosen_potentials(
     if wanted == NEAREST:
         chosen = [distinct(known[which]) for which in ELECTRODES]
     else:
-        names = wanted.split("/")
+        names = wanted.split("/", 1)
         for which, name in zip(ELECTRODES, (names[0], names[-1]), strict=True):
             if name not in known[which]:
                 message = f'"{name}" is no set with an open-circuit potential of the {which.lower()} electrode.'

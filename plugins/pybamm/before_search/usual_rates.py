@@ -1,8 +1,8 @@
 """Rates of diffusion and reaction that lie far from those of every other installed parameter set."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -69,29 +69,15 @@ def _published(name: str) -> tuple[float, ...]:
     return tuple(log for log, before in zip(logs, (-np.inf, *logs), strict=False) if not np.isclose(log, before))
 
 
-def _rates() -> Iterator[tuple[str, Callable[[Any], float]]]:
-    for which in ELECTRODES:
-        yield f"{which} particle diffusivity [m2.s-1]", _diffusion(which)
-        yield f"{which} electrode exchange-current density [A.m-2]", _reaction(which)
+def _diffusion(which: str, name: str, values: Any) -> float:
+    return _number(values, name, 0.5) / float(values[f"{which} particle radius [m]"]) ** 2
 
 
-def _diffusion(which: str) -> Callable[[Any], float]:
-    def rate(values: Any) -> float:
-        diffusivity = _number(values, f"{which} particle diffusivity [m2.s-1]", 0.5)
-        return diffusivity / float(values[f"{which} particle radius [m]"]) ** 2
-
-    return rate
-
-
-def _reaction(which: str) -> Callable[[Any], float]:
-    def rate(values: Any) -> float:
-        highest = float(values[maximum_concentration(which)])
-        name = f"{which} electrode exchange-current density [A.m-2]"
-        density = _number(values, name, _USUAL_CONCENTRATION, 0.5 * highest, highest)
-        radius = float(values[f"{which} particle radius [m]"])
-        return 3.0 * density / (radius * float(pybamm.constants.F.value) * highest)
-
-    return rate
+def _reaction(which: str, name: str, values: Any) -> float:
+    highest = float(values[maximum_concentration(which)])
+    density = _number(values, name, _USUAL_CONCENTRATION, 0.5 * highest, highest)
+    radius = float(values[f"{which} particle radius [m]"])
+    return 3.0 * density / (radius * float(pybamm.constants.F.value) * highest)
 
 
 def _number(values: Any, name: str, *arguments: float) -> float:
@@ -104,4 +90,11 @@ def _number(values: Any, name: str, *arguments: float) -> float:
     return float(np.ravel(values.process_symbol(symbol).evaluate())[0])
 
 
-_RATES = dict(_rates())
+_RATES: dict[str, Callable[[Any], float]] = {
+    name: partial(rate, which, name)
+    for which in ELECTRODES
+    for name, rate in (
+        (f"{which} particle diffusivity [m2.s-1]", _diffusion),
+        (f"{which} electrode exchange-current density [A.m-2]", _reaction),
+    )
+}

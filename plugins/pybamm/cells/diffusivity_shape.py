@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ....core.target import DiffusivityShape
-from .ocp_shape import bump
+from .ocp_shape import bump, by_curve
 
 
 def shaped(diffusivity: Any, factors: Mapping[float, Any]) -> Any:
@@ -25,13 +25,5 @@ def shaped(diffusivity: Any, factors: Mapping[float, Any]) -> Any:
 
 def reshape(values: Any, factors: Mapping[DiffusivityShape, Any]) -> None:
     """Shape the diffusivities of a parameter set, in place."""
-    for name, own in by_diffusivity(factors).items():
+    for name, own in by_curve(factors).items():
         values.update({name: shaped(values[name], own)})
-
-
-def by_diffusivity(factors: Mapping[DiffusivityShape, Any]) -> dict[str, dict[float, Any]]:
-    """Factors by stoichiometry, by PyBaMM's names of the diffusivities."""
-    found: dict[str, dict[float, Any]] = {}
-    for target, factor in factors.items():
-        found.setdefault(target.diffusivity, {})[target.stoichiometry] = factor
-    return found

@@ -4,17 +4,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from ....core.task import CellModel, ParameterSource
-from .parameter_sets import load
+from .parameter_sets import CUT_OFFS, load
 
 CAPACITY = "Nominal cell capacity [A.h]"
 
 _WIDTH = "Electrode width [m]"
-
-_CUT_OFFS = {
-    "Lower voltage cut-off [V]": "Open-circuit voltage at 0% SOC [V]",
-    "Upper voltage cut-off [V]": "Open-circuit voltage at 100% SOC [V]",
-}
-"""Cut-offs, and what else is overridden where a calibration widened them so that a protocol's own steps end a cycle."""
 
 
 def nominal_capacity_ah(parameter_set: ParameterSource, overrides: Mapping[str, float]) -> float:
@@ -26,12 +20,12 @@ def nominal_capacity_ah(parameter_set: ParameterSource, overrides: Mapping[str, 
 
 
 def widened_cut_offs(cell: CellModel) -> dict[str, float]:
-    """The voltage cut-offs that a calibration by protocol widened, V; empty where it did not."""
-    return {
-        name: cell.overrides[name]
-        for name, at_rest in _CUT_OFFS.items()
-        if name in cell.overrides and at_rest in cell.overrides
-    }
+    """The voltage cut-offs that a calibration widened so that a protocol's own steps end a cycle, V; empty without.
+
+    What the set's own ones mean for the state of charge is then overridden too.
+    """
+    given = cell.overrides
+    return {name: given[name] for name, at_rest in CUT_OFFS.items() if name in given and at_rest in given}
 
 
 def labelled(values: Any, cell: CellModel) -> Any:

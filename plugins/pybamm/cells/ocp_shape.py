@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import nnls
 
-from ....core.target import CellChange, OcpShape, Target, ocp_name
+from ....core.target import CellChange, DiffusivityShape, OcpShape, Target, ocp_name
 from ....core.trajectory import FloatArray
 
 ELECTRODES = ("Negative", "Positive")
@@ -50,11 +50,8 @@ def corrected(potential: Callable[..., Any], heights: Mapping[float, Any]) -> Ca
 
 def correct(values: Any, heights: Mapping[OcpShape, Any]) -> None:
     """Add bumps to the potentials of a parameter set, in place."""
-    for which in ELECTRODES:
-        own = _by_stoichiometry(heights, which)
-        if own:
-            name = ocp_name(which)
-            values.update({name: corrected(values[name], own)})
+    for name, own in by_curve(heights).items():
+        values.update({name: corrected(values[name], own)})
 
 
 class OcpCurves:
@@ -70,7 +67,7 @@ class OcpCurves:
 
     def curve(self, which: str, change: CellChange) -> FloatArray:
         """The potential of an electrode on `GRID` as a candidate changes it, V."""
-        heights = _by_stoichiometry(change.ocp_shape, which)
+        heights = by_curve(change.ocp_shape).get(ocp_name(which), {})
         scaled = change.factors.get(ocp_name(which), 1.0) * self._own[which]
         return np.asarray(sum((height * bump(GRID, at) for at, height in heights.items()), scaled))
 
@@ -101,8 +98,13 @@ def keeping_ocp_falling(values: Any, targets: Mapping[str, Target]) -> Callable[
     return lambda change: change
 
 
-def _by_stoichiometry(heights: Mapping[OcpShape, Any], which: str) -> dict[float, Any]:
-    return {target.stoichiometry: height for target, height in heights.items() if target.electrode == which}
+def by_curve(shapes: Mapping[OcpShape, Any] | Mapping[DiffusivityShape, Any]) -> dict[str, dict[float, Any]]:
+    """Heights or factors by stoichiometry, by PyBaMM's name of the curve that they shape."""
+    found: dict[str, dict[float, Any]] = {}
+    for target, value in shapes.items():
+        name = target.ocp if isinstance(target, OcpShape) else target.diffusivity
+        found.setdefault(name, {})[target.stoichiometry] = value
+    return found
 
 
 def _nearest_within(point: FloatArray, rows: FloatArray, room: FloatArray) -> FloatArray:

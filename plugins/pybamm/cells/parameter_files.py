@@ -23,7 +23,7 @@ from ....core.printable import listed, shown
 from ....core.shape import shaped
 from ....core.task import CellModel, ParameterFile
 from .nameplate import CAPACITY, nominal_capacity_ah
-from .parameter_sets import WHOLE_SET, pybamm, take_arguments, why_no_full_cell
+from .parameter_sets import CUT_OFFS, WHOLE_SET, pybamm, take_arguments, why_no_full_cell
 from .state_of_charge import changed_values
 
 _LONGEST_EXPRESSION = 10_000
@@ -65,9 +65,6 @@ _ALLOWED = {f"pybamm.expression_tree.{module}.{name}" for module, names in _NODE
 
 _TAGS = ("$type", "type", "py/object", "module", "class")
 """Keys by which PyBaMM finds a class to import."""
-
-_CUT_OFFS = {0: "Lower voltage cut-off [V]", 100: "Upper voltage cut-off [V]"}
-"""By the state of charge in percent."""
 
 COOLING = "Total heat transfer coefficient [W.m-2.K-1]"
 
@@ -234,8 +231,7 @@ def _parameter_values(file: ParameterFile) -> dict[str, Any]:
         )
     values = {name: _value(name, value) for name, value in content.items() if name not in _INFORMATION}
     # What older versions of PyBaMM did not write is no other cell's: empty and full are then at the cut-offs.
-    at_rest = {f"Open-circuit voltage at {percent}% SOC [V]": cut_off for percent, cut_off in _CUT_OFFS.items()}
-    return {**{name: values[cut_off] for name, cut_off in at_rest.items() if cut_off in values}, **values}
+    return {**{at_rest: values[cut_off] for cut_off, at_rest in CUT_OFFS.items() if cut_off in values}, **values}
 
 
 def _value(name: str, value: Any) -> Any:

@@ -41,6 +41,12 @@ WHOLE_SET = (
 )
 """Parameters that a set must have itself; what else is lacking is filled in."""
 
+CUT_OFFS = {
+    "Lower voltage cut-off [V]": "Open-circuit voltage at 0% SOC [V]",
+    "Upper voltage cut-off [V]": "Open-circuit voltage at 100% SOC [V]",
+}
+"""The voltage cut-offs, and the open-circuit voltages of an empty and of a full cell, which they are in most sets."""
+
 _BLEND = "Primary: "
 """What PyBaMM puts before the parameters of the first of two materials of an electrode."""
 
@@ -231,7 +237,8 @@ def as_simulated(cell: CellModel, change: CellChange) -> CellChange:
 
 def voltage_window(values: Mapping[str, Any]) -> tuple[float, float]:
     """Lower and upper voltage cut-off of a cell's values, V."""
-    return float(values["Lower voltage cut-off [V]"]), float(values["Upper voltage cut-off [V]"])
+    lowest, highest = (float(values[name]) for name in CUT_OFFS)
+    return lowest, highest
 
 
 def _known(values: pybamm.ParameterValues, name: str) -> str:

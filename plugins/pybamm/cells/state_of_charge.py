@@ -10,7 +10,7 @@ from ....core.target import CellChange
 from ....core.task import CellModel, ParameterSource
 from ....core.trajectory import FloatArray
 from .ocp_shape import ELECTRODES, GRID, OcpCurves
-from .parameter_sets import bake, load, pybamm
+from .parameter_sets import CUT_OFFS, bake, load, pybamm
 
 
 def socs_at_voltages(cell: CellModel, voltages: Sequence[float], temperature_k: float | None = None) -> list[float]:
@@ -196,10 +196,7 @@ def changed_values(cell: CellModel, change: CellChange) -> pybamm.ParameterValue
 
 def _limits(values: Any) -> tuple[float, float]:
     """Open-circuit voltages of an empty and of a full cell, V: its cut-offs may have been moved since."""
-    empty, full = (
-        _number(values, f"Open-circuit voltage at {percent}% SOC [V]", f"{side} voltage cut-off [V]")
-        for percent, side in ((0, "Lower"), (100, "Upper"))
-    )
+    empty, full = (_number(values, at_rest, cut_off) for cut_off, at_rest in CUT_OFFS.items())
     return empty, full
 
 

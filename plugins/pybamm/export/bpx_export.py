@@ -17,17 +17,16 @@ from ....core.printable import shown
 from ....core.target import CellChange
 from ....core.task import CellModel, Experiment
 from ....core.trajectory import FloatArray
-from ..cells.nameplate import labelled
-from ..cells.ocp_shape import GRID
-from ..cells.parameter_sets import arguments_of, bake, load, pybamm
+from ..cells.nameplate import CAPACITY, labelled
+from ..cells.ocp_shape import ELECTRODES, GRID
+from ..cells.parameter_sets import CUT_OFFS, arguments_of, bake, load, pybamm
 from ..cells.state_of_charge import InitialState, initial_concentration, maximum_concentration
 from ..modelling.compiled_cell import Start, start_of
 
 VERSION = "1.1.0"
 
 _FARADAY, _GAS_CONSTANT = 96485.33212, 8.314462618
-_SIDES = ("Negative", "Positive")
-_AT_REST = ("Open-circuit voltage at 0% SOC [V]", "Open-circuit voltage at 100% SOC [V]")
+_AT_REST = tuple(CUT_OFFS.values())
 
 _STOICHIOMETRIES: FloatArray = np.unique(np.concatenate([np.linspace(0.0, 1.0, 1001), GRID[::5]]).clip(1e-6, 1 - 1e-6))
 """Where functions of stoichiometry are tabulated: straight lines between stay within 0.1 mV of the usual potentials."""
@@ -103,7 +102,7 @@ class _Writer:
 
     def __init__(self, values: Any, lithium: float, changed: Collection[str]) -> None:
         self._values, self._lithium, self._changed = values, lithium, changed
-        self._read = {*map(initial_concentration, _SIDES), *_AT_REST}  # names of what the file is made of
+        self._read = {*map(initial_concentration, ELECTRODES), *_AT_REST}  # names of what the file is made of
         self._kelvin = self._number("Ambient temperature [K]")
         self._salt = self._number("Initial concentration in electrolyte [mol.m-3]")
         self._left_out: list[str] = []
@@ -121,7 +120,7 @@ class _Writer:
             name = initial_concentration("Negative")
             own = state.concentrations(lithium, None)[name]
             soc = (own - empty[name]) / (full[name] - empty[name])
-        electrodes = {side: self._electrode(side, empty, full) for side in _SIDES}
+        electrodes = {side: self._electrode(side, empty, full) for side in ELECTRODES}
         parts = {
             "Cell": self._cell(),
             "Electrolyte": self._electrolyte(),
@@ -234,9 +233,7 @@ class _Writer:
             "Volume [m3]": self._number("Cell volume [m3]"),
             "Density [kg.m-3]": density,
             "Specific heat capacity [J.K-1.kg-1]": self._heat_capacity(self._kelvin) / density,
-            "Lower voltage cut-off [V]": self._number("Lower voltage cut-off [V]"),
-            "Upper voltage cut-off [V]": self._number("Upper voltage cut-off [V]"),
-            "Nominal cell capacity [A.h]": self._number("Nominal cell capacity [A.h]"),
+            **{name: self._number(name) for name in (*CUT_OFFS, CAPACITY)},
             "Reference temperature [K]": self._kelvin,
         }
 
@@ -359,7 +356,7 @@ def _voltage(electrodes: Mapping[str, Mapping[str, Any]], negative: str, positiv
     """Open-circuit voltage of electrodes of BPX at these of their stoichiometries, ``Minimum`` or ``Maximum``, V."""
     potentials = [
         np.interp(electrodes[side][f"{limit} stoichiometry"], *electrodes[side]["OCP [V]"].values())
-        for side, limit in zip(_SIDES, (negative, positive), strict=True)
+        for side, limit in zip(ELECTRODES, (negative, positive), strict=True)
     ]
     return float(potentials[1] - potentials[0])
 

@@ -13,11 +13,9 @@ from ....core.printable import shown
 from ....core.protocol_text import runs_of
 from ....core.target import CellChange
 from ....core.task import CellModel, Experiment, ParameterFile, Task
-from ....core.trajectory import StepKind
-from ..augmentation import augmented_cell, part_of
-from ..cells.diffusivity_shape import by_diffusivity
+from ..augmentation import augmented_cell, effects_in, part_of
 from ..cells.model_options import as_built
-from ..cells.ocp_shape import BUMP_WIDTH
+from ..cells.ocp_shape import BUMP_WIDTH, by_curve
 from ..cells.parameter_files import as_json
 from ..cells.parameter_sets import FILL_FROM, as_simulated, bake, load, pybamm
 from ..cells.state_of_charge import InitialState, changed_values
@@ -26,13 +24,15 @@ from ..modelling.compiled_cell import added_potentials, start_of
 from ..modelling.resolution import REFERENCE
 from ..solving import compiled, driven_cell
 from ..solving.spectrum_experiment import DOUBLE_LAYERS
-from ..solving.step_solutions import step_kind
 from .quoted_effects import quoted
 
 _TEMPLATE = "best_parameters.py.j2"
 
 _BRACKETS = {dict: ("{", "}"), list: ("[", "]"), tuple: ("(", ")")}
 _LINE = 80
+
+_BEYOND_S = 60.0
+"""How far the table of a current goes on behind its end, s."""
 
 
 def script(
@@ -42,8 +42,10 @@ def script(
 
     A script that runs by itself, and a module that offers ``parameter_values()``, ``model()`` and ``simulate()``; it
     will be called ``file_name``. Names and protocol strings come from files and models: they enter as literals only,
-    never as code or comments. ``candidate`` has a value for every searched parameter and for the effects' parameters.
+    never as code or comments. ``effects`` are those beside the cell's own; ``candidate`` has a value for every searched
+    parameter and for the parameters of all effects.
     """
+    effects = (*effects_in(task.cell), *effects)
     change = as_simulated(task.cell, task.space.change(candidate))
     cell = augmented_cell(task.cell, effects)
     from_file = isinstance(task.cell.parameter_set, ParameterFile)
@@ -62,11 +64,11 @@ def script(
         options=as_built(cell.options),
         effects=[quoted(number, effect, candidate) for number, effect in enumerate(effects, start=1)],
         points={name: count for effect in effects for name, count in part_of(effect).points.items()},
-        overrides={name: float(value) for name, value in task.cell.overrides.items()},
+        overrides={} if from_file else {name: float(value) for name, value in task.cell.overrides.items()},
         calibrated=dict(change.values),
         factors={} if from_file else dict(change.factors),
-        bumps={} if from_file else _bumps(change),
-        diffusivity_factors={} if from_file else by_diffusivity(change.diffusivity_shape),
+        bumps={} if from_file else by_curve(change.ocp_shape),
+        diffusivity_factors={} if from_file else by_curve(change.diffusivity_shape),
         bump_width=BUMP_WIDTH,
         records=[
             _record(
@@ -105,14 +107,6 @@ def filled(template: str, as_literal: Callable[[Any], str], **content: Any) -> s
 def parameter_values_json(cell: CellModel, change: CellChange) -> str:
     """The changed cell's whole parameter set as JSON that ``pybamm.ParameterValues.from_json`` reads."""
     return as_json(changed_values(cell, change))
-
-
-def _bumps(change: CellChange) -> dict[str, dict[float, float]]:
-    """Height in V by stoichiometry of what is added to open-circuit potentials, by PyBaMM's names of these."""
-    found: dict[str, dict[float, float]] = {}
-    for target, height in change.ocp_shape.items():
-        found.setdefault(target.ocp, {})[target.stoichiometry] = height
-    return found
 
 
 def literal(value: Any, indent: int = 0) -> str:
@@ -166,8 +160,9 @@ def _record(
         return {**content, "frequencies": [float(f"{hz:.6g}") for hz in experiment.target.values(FREQUENCY.name)]}
     if experiment.protocol is not None:
         return {**content, "protocol": [(count, list(cycle)) for count, cycle in runs_of(experiment.protocol)]}
-    steps = drive.steps_of_record(experiment.target)
-    return {**content, "currents": [_current(step, tables) for step in steps], "dt_max": _longest_solver_step(steps)}
+    pieces = drive.pieces_of(experiment.target)
+    currents = [_current(piece, tables) for piece in pieces]
+    return {**content, "currents": currents, "dt_max": _longest_solver_step(pieces)}
 
 
 def _initial_temperature(experiment: Experiment) -> dict[str, float]:
@@ -184,17 +179,18 @@ def _initial_concentrations(cell: CellModel, change: CellChange, soc: float | No
     return InitialState(values).concentrations(CellChange(cyclable_lithium=change.cyclable_lithium), soc)
 
 
-def _current(step: Any, tables: dict[str, str]) -> tuple[float | str, float]:
+def _current(piece: drive.Piece, tables: dict[str, str]) -> tuple[float | str, float]:
     """Current in A, or the name of its table, and the duration in s."""
-    duration = float(step.duration)
-    if isinstance(step.input_value, (int, float)):
-        return float(step.input_value), duration
+    if piece.constant:
+        return float(piece.current[0]), piece.duration
     name = f"profile {len(tables) + 1}"
-    tables[name] = "\n".join(f"{time:.9g} {current:.9g}" for time, current in step.input_value)
-    return name, duration
+    # One more knot beyond the end, so that the integrator never extrapolates.
+    knots = zip([*piece.time, piece.duration + _BEYOND_S], [*piece.current, piece.current[-1]], strict=True)
+    tables[name] = "\n".join(f"{time:.9g} {current:.9g}" for time, current in knots)
+    return name, piece.duration
 
 
-def _longest_solver_step(steps: list[Any]) -> float | None:
+def _longest_solver_step(pieces: Sequence[drive.Piece]) -> float | None:
     """The integrator must not step over what a drive cycle resolves."""
-    spacing = [float(np.median(np.diff(s.input_value[:, 0]))) for s in steps if step_kind(s) is StepKind.DRIVE]
+    spacing = [float(np.median(np.append(np.diff(one.time), _BEYOND_S))) for one in pieces if not one.constant]
     return max(60.0, 20.0 * max(spacing)) if spacing else None

@@ -140,8 +140,7 @@ class CompiledCell:
         self.window_v = voltage_window(values)
         self._add_effects(values, measured_current)
         if by_state:
-            concentrations = [initial_concentration(which) for which in ("Negative", "Positive")]
-            open_to_search(values, {name: Value(name) for name in concentrations})
+            open_to_search(values, {name: Value(name) for name in map(initial_concentration, ELECTRODES)})
         self._values = values
 
     def _add_effects(self, values: Any, measured: drive.CurrentFunction | None) -> None:

@@ -15,7 +15,7 @@ from ....core.errors import BsaError
 from ....core.taper import at_distinct_times, between_samples, from_its_beginning
 from ....core.task import Protocol
 from ....core.trajectory import SECONDS_PER_HOUR, FloatArray, StepKind, Trajectory
-from ..cells.parameter_sets import pybamm
+from ..cells.parameter_sets import CUT_OFFS, pybamm
 
 _WITHIN = 2e-3
 """Distance of a measured current from the straight lines that stand for it, as a share of its largest value: what
@@ -105,7 +105,7 @@ def shown_range(window_v: tuple[float, float], measured_v: FloatArray) -> tuple[
 
 def widen_cut_offs(values: Any) -> None:
     """Let a measured current run its course: a voltage event would end it before the record does."""
-    values.update({"Lower voltage cut-off [V]": EMPTY_V, "Upper voltage cut-off [V]": FULL_V})
+    values.update(dict(zip(CUT_OFFS, (EMPTY_V, FULL_V), strict=True)))
 
 
 class _Table(pybamm.Interpolant):  # type: ignore[misc]
@@ -152,24 +152,6 @@ def gate(begin: str, end: str) -> Any:
         return pybamm.minimum(pybamm.maximum((pybamm.t - pybamm.InputParameter(time)) / JUMP_S, 0), 1)
 
     return 1 - rise(begin) + rise(end)
-
-
-def steps_of_record(record: Trajectory) -> list[Any]:
-    """One PyBaMM step for each piece of the record's current.
-
-    The integrator restarts at each: as one bare interpolant over the whole record it would step clean
-    over a short pulse that follows a long rest.
-    """
-    return [_experiment_step(piece) for piece in pieces_of(record)]
-
-
-def _experiment_step(piece: Piece) -> Any:
-    if piece.constant:
-        return pybamm.step.Current(float(piece.current[0]), duration=piece.duration)
-    # One more knot beyond the end, so that the integrator never extrapolates.
-    time, current = np.append(piece.time, piece.duration + 60.0), np.append(piece.current, piece.current[-1])
-    words = f"Measured current of {current[0]:.3g} to {current[-1]:.3g} A for {piece.duration:.0f} s"
-    return pybamm.step.Current(np.column_stack([time, current]), duration=piece.duration, description=words)
 
 
 def current_function(record: Trajectory) -> CurrentFunction:

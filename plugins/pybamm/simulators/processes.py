@@ -205,6 +205,7 @@ class Pool(Generic[Job, Answer]):
                 while waiting and (worker := self._idle_worker(must_wait=not busy)) is not None:
                     place, job = waiting.pop()
                     busy[worker] = place
+                    self._check_open()  # it may have waited for the worker
                     worker.submit(job, allowance)
                 for worker, answer in self._finished(list(busy)):
                     # A worker that was ended has not failed its job: nobody may write that down.

@@ -7,7 +7,8 @@ from ....core.task import Experiment
 from ....core.task_reduction import TaskReduction, shortened
 
 _DRIVEN = re.compile(
-    r"^(?P<verb>(?:Charge|Discharge) at )(?:C/(?P<hours>[\d.]+)|(?P<value>[\d.]+) ?(?P<unit>mA|A|mW|W|C)\b)"
+    r"^(?P<verb>(?:Charge|Discharge) at )"
+    r"(?:C/(?P<hours>[\d.]+)|(?P<value>[\d.]+(?:[eE][+-]?\d+)?) ?(?P<unit>mA|A|mW|W|C)\b)"
 )
 
 

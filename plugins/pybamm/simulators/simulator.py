@@ -13,7 +13,6 @@ from ....core.simulation import Outcome
 from ....core.target import InitialSoc
 from ....core.task import Experiment, Protocol
 from ....core.task_reduction import TaskReduction
-from ..augmentation import effects_in
 from .reduced import reduced
 from .worker import Assignment, WorkerPool
 
@@ -139,7 +138,7 @@ class PyBaMMSimulator:
         """A script that needs pybamm alone and reproduces the candidate's curves."""
         from ..export.calibrated_script import script
 
-        return {"best_parameters.py": script(self._task, candidate, effects_in(self._task.cell))}
+        return {"best_parameters.py": script(self._task, candidate)}
 
     @hookimpl
     def close(self) -> None:

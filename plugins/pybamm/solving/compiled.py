@@ -67,10 +67,10 @@ class CompiledExperiment:
             self.simulation.solve(inputs=inputs, calc_esoh=False, callbacks=[watcher], showprogress=False)
         except SOLVER_ERRORS as error:
             cause = first_line(error)
-        cause = cause or watcher.cause
+        cause = watcher.cause or cause
         if cause:
             return self._failed(cause, watcher, inputs if watcher.step else {})
-        trajectory = to_trajectory(self.simulation._solution, self.steps, self.cell.heats)
+        trajectory = to_trajectory(self.simulation._solution, self.steps, watcher.ended, self.cell.heats)
         if trajectory is None:
             return ExperimentRun(None, SimulationFailure("every step of the protocol had reached its end at its start"))
         return ExperimentRun(trajectory)
@@ -79,7 +79,8 @@ class CompiledExperiment:
         """What was reached, the last moments of the step it died in included."""
         solution = self.simulation._solution
         unfinished, limit, cut = None, "", False
-        if solution is not None:
+        # One that only skipped steps has no state.
+        if isinstance(solution, pybamm.Solution):
             if watcher.gave_up:
                 place = sum(len(cycle) for cycle in self.steps[: watcher.cycle - 1]) + watcher.position
                 found = last_moments(
@@ -92,7 +93,7 @@ class CompiledExperiment:
                 limit = nearest_limit(solution, self.cell.window_v)
             # A step that took too long, or ended by a foreign event, is part of the solution.
             cut = unfinished is not None or not watcher.gave_up
-        trajectory = to_trajectory(solution, self.steps, self.cell.heats, unfinished)
+        trajectory = to_trajectory(solution, self.steps, watcher.ended, self.cell.heats, unfinished)
         reached_s = trajectory.duration if trajectory is not None else 0.0
         failure = SimulationFailure(cause, watcher.step, watcher.cycle, reached_s, limit, cut)
         return ExperimentRun(trajectory, failure)
@@ -105,6 +106,8 @@ class _Watcher(pybamm.callbacks.Callback):  # type: ignore[misc]
         self.step = ""
         self.cycle = 0
         self.position = 0
+        # Cycles that the solution has: PyBaMM leaves out one whose only step had reached its end at its start.
+        self.ended: list[int] = []
         self.cause = ""
         self.gave_up = False
         self._on_step = on_step
@@ -115,6 +118,9 @@ class _Watcher(pybamm.callbacks.Callback):  # type: ignore[misc]
         self.position = int(logs["step number"][0]) - 1
         if self._on_step:
             self._on_step(self.step, self.cycle)
+
+    def on_cycle_end(self, logs: dict[str, Any]) -> None:
+        self.ended.append(int(logs["cycle number"][0]))
 
     def on_experiment_error(self, logs: dict[str, Any]) -> None:
         self.cause = first_line(logs["error"])

@@ -16,6 +16,7 @@ from ....core.target import CellChange
 from ....core.task import Task
 from ....core.trajectory import SECONDS_PER_HOUR, FloatArray
 from ..augmentation import effects_in, part_of
+from ..cells.nameplate import CAPACITY
 from ..cells.ocp_shape import keeping_ocp_falling
 from ..cells.parameter_sets import load, voltage_window
 from ..cells.state_of_charge import InitialState
@@ -53,7 +54,7 @@ class EquilibriumCell:
             None if drive is None else drawn_ah(drive, record.time)
             for drive, record in zip(self._drives, self._records, strict=True)
         ]
-        self._capacity_ah = float(values["Nominal cell capacity [A.h]"])
+        self._capacity_ah = float(values[CAPACITY])
         own = [(effect, part_of(effect)) for effect in self._effects]
         self._at_rest = [(effect, part.at_rest) for effect, part in own if part.at_rest is not None]
         self._current = [(effect, part.current) for effect, part in own if part.current is not None]

@@ -46,8 +46,6 @@ def last_moments(simulation: Any, step: Any, inputs: dict[str, float], window_v:
     solve. ``window_v`` is the lower and upper voltage cut-off, V.
     """
     solution = simulation._solution
-    if solution is None:
-        return LastMoments(None, "")
     began = time.monotonic()
     state = solution.last_state
     part, fails_s = None, float(step.duration)

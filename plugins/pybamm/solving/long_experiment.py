@@ -241,7 +241,7 @@ class _Steps:
     def _record(self, parts: list[Any], unfinished: Unfinished | None) -> Trajectory | None:
         # All that is read of a solution is its cycles, and of a cycle its steps.
         solved = SimpleNamespace(cycles=[SimpleNamespace(steps=parts)])
-        return to_trajectory(solved, [self._recipe], self._compiled.cell.heats, unfinished)
+        return to_trajectory(solved, [self._recipe], [1], self._compiled.cell.heats, unfinished)
 
 
 def _losses(state: Any) -> tuple[float, ...]:

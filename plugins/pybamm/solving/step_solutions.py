@@ -35,11 +35,8 @@ def keep_solver_steps_of_holds(experiment: Any) -> None:
             step.period = None
 
 
-def _sample_times(part: Any, kind: StepKind) -> FloatArray:
-    """When a solved step is sampled: the same times after its start for every candidate, and its end."""
-    stored = np.asarray(part.t)
-    if kind is not StepKind.CV_HOLD:
-        return stored
+def _times_of_hold(stored: FloatArray) -> FloatArray:
+    """When a solved voltage hold is sampled: the same times after its start for every candidate, and its end."""
     duration = stored[-1] - stored[0]
     offsets = [0.0]
     spacing = _FIRST_SAMPLE_S
@@ -62,46 +59,47 @@ class Unfinished:
 def to_trajectory(
     solution: Any,
     protocol_steps: Sequence[Sequence[Any]],
-    with_temperature: bool = True,
+    numbers: Sequence[int],
+    with_temperature: bool,
     unfinished: Unfinished | None = None,
 ) -> Trajectory | None:
     """Join the solved steps of an experiment; None if not one step was solved.
 
-    ``protocol_steps`` are the experiment's cycles, each with its steps. One that the protocol skips (its end was
-    already reached) has no samples and does not appear; ``position`` tells which one is missing. The temperature of an
-    isothermal cell says nothing, and reading a variable costs a few per cent of a solve. ``unfinished`` comes last, as
-    a step cut short.
+    ``protocol_steps`` are the experiment's cycles, each with its steps, and ``numbers`` which of them, from 1, the
+    solution has. A step that the protocol skips (its end was already reached) has no samples and does not appear;
+    ``position`` tells which one is missing. The temperature of an isothermal cell says nothing, and reading a variable
+    costs a few per cent of a solve. ``unfinished`` comes last, as a step cut short.
     """
     if solution is None or not getattr(solution, "cycles", None):
         return None
+    parts = [
+        (number, position, part)
+        for number, cycle in zip(numbers, solution.cycles, strict=False)
+        for position, part in enumerate(cycle.steps)
+        if not isinstance(part, pybamm.EmptySolution)
+    ]
+    if not parts:
+        return None
+    whole = len(parts)
+    if unfinished is not None:
+        parts.append((unfinished.cycle, unfinished.position, unfinished.part))
     times: list[FloatArray] = []
     signals: dict[str, list[FloatArray]] = {_CURRENT: [], _VOLTAGE: []}
     if with_temperature:
         signals[_TEMPERATURE] = []
     steps: list[Step] = []
     count = 0
-    for number, (cycle, recipe) in enumerate(zip(solution.cycles, protocol_steps, strict=False), start=1):
-        if cycle is None:
-            continue
-        for position, (part, step) in enumerate(zip(cycle.steps, recipe, strict=False)):
-            if isinstance(part, pybamm.EmptySolution):
-                continue
-            kind = step_kind(step)
-            time = _sample_times(part, kind)
-            times.append(time)
-            for name, signal in signals.items():
-                signal.append(part[name](time) if kind is StepKind.CV_HOLD else part[name].entries)
-            steps.append(Step(kind, count, count + len(time), number, str(step), position))
-            count += len(time)
-    if not steps:
-        return None
-    if unfinished is not None:
-        step, part = protocol_steps[unfinished.cycle - 1][unfinished.position], unfinished.part
-        times.append(np.asarray(part.t))
+    for number, position, part in parts:
+        step, time = protocol_steps[number - 1][position], np.asarray(part.t)
+        kind = step_kind(step)
+        held = kind is StepKind.CV_HOLD and len(steps) < whole
+        if held:
+            time = _times_of_hold(time)
+        times.append(time)
         for name, signal in signals.items():
-            signal.append(part[name].entries)
-        last = Step(step_kind(step), count, count + len(part.t), unfinished.cycle, str(step), unfinished.position)
-        steps.append(last)
+            signal.append(part[name](time) if held else part[name].entries)
+        steps.append(Step(kind, count, count + len(time), number, str(step), position))
+        count += len(time)
     # A step starts an instant after the last one ends; the stamps may differ by rounding only.
     stamps = np.maximum.accumulate(np.concatenate(times))
     return Trajectory(

@@ -18,6 +18,7 @@ def test_the_first_cycles_of_a_table() -> None:
     table = CycleTable([1, 3, 5], [1.0, 0.9, 0.7], NAN, NAN).up_to(4)
     assert list(table.cycle) == [1, 3]
     assert len(table) == 2
+    assert CycleTable([2, 3, 5], [1.0, 0.9, 0.7], NAN, NAN).up_to(1) is None
 
 
 @pytest.mark.parametrize(

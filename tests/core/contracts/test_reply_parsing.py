@@ -54,8 +54,10 @@ def test_numbers_beyond_floats_stay_text() -> None:
     assert isinstance(parse_object('{"a": ' + "9" * 5000 + "}")["a"], str)
 
 
-def test_what_a_journal_cannot_hold_is_replaced() -> None:
-    json.dumps(parse_object('{"a": "\\ud800"}'), ensure_ascii=False).encode("utf-8")
+@pytest.mark.parametrize("end", ["}", ",}"])
+def test_what_a_journal_cannot_hold_is_replaced(end: str) -> None:
+    assert parse_object('{"a": "\\ud800b"' + end) == {"a": "\ufffdb"}
+    assert parse_object('{"a": "\\ud83d\\ude00"' + end) == {"a": "\U0001f600"}
 
 
 @pytest.mark.parametrize("text", ["", "   ", "I cannot help with that.", "[1, 2]", "{}{", "{{{{", "{:}"])

@@ -177,7 +177,7 @@ def test_a_simulated_life_is_fitted_and_forecast(tmp_path: Path) -> None:
         out=tmp_path / "run",
         progress=False,
     )
-    assert found.parameters[GROWTH] == pytest.approx(1e-19, rel=0.05)
+    assert found.parameters[GROWTH] == pytest.approx(1e-19, rel=0.05, abs=0.0)
     records = json.loads((tmp_path / "run" / "result.json").read_text())["records"]
     (later,) = [row for row in records if not row["fitted"]]
     assert later["signals"]["capacity"]["max"] < 0.05

@@ -72,7 +72,7 @@ def test_search_final_score_and_equilibrium_have_the_effect_alike(task: Task) ->
 @pytest.mark.slow
 def test_the_script_has_the_effect(task: Task) -> None:
     candidate = {GAP: 0.02, DECAY: 50.0}
-    made = namespace_of(script(task, candidate, effects_in(task.cell)), "script")
+    made = namespace_of(script(task, candidate), "script")
     (experiment,) = task.experiments
     score = solve_reference(task.cell, experiment, change_of(task.space.targets, candidate)).trajectory
     assert score is not None

@@ -103,6 +103,8 @@ def test_an_unknown_set_and_a_record_faster_than_1c_are_refused() -> None:
     with pytest.raises(BsaError, match="Mohtat2002") as refused:
         chosen_potentials("Mohtat2002", open_circuit_curve([slow("Ecker2015", 0.0)]))
     assert "Mohtat2020" in refused.value.hint
+    with pytest.raises(BsaError, match='"Chen2020/Ecker2015" is no set'):
+        chosen_potentials("Mohtat2020/Chen2020/Ecker2015", open_circuit_curve([slow("Ecker2015", 0.0)]))
     fast = slow("Ecker2015", 0.0)
     fast = fast.changed(time=fast.time / 40.0)
     with pytest.raises(BsaError, match="over half of its charge"):

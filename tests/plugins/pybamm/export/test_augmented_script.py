@@ -33,9 +33,14 @@ def record():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "keys", [("contact-resistance", "ocp-hysteresis", "voltage-offset"), ("self-heating", "time-lag")]
+    ("model", "keys"),
+    [
+        ("SPMe", ("contact-resistance", "ocp-hysteresis", "voltage-offset")),
+        ("SPMe", ("self-heating", "time-lag")),
+        ("DFN", ("contact-resistance",)),
+    ],
 )
-def test_the_script_needs_pybamm_alone_and_gives_the_same_curve(tmp_path, keys):
+def test_the_script_needs_pybamm_alone_and_gives_the_same_curve(tmp_path, model, keys):
     effects = tuple(e for e in EFFECTS if e.key in keys)
     driven = record()
     measured_record = MeasuredRecord("a", driven, 298.15)
@@ -43,7 +48,7 @@ def test_the_script_needs_pybamm_alone_and_gives_the_same_curve(tmp_path, keys):
     candidate = {measured_record.soc_name: 0.9, name: 0.8}
     for effect in effects:
         candidate |= {effect.full_name(p): p.probe for p in effect.parameters}
-    cell = CellModel("Chen2020", "SPMe")
+    cell = CellModel("Chen2020", model)
     path = tmp_path / "augmented_model.py"
     targets = {key: target_named(key) for key in [name, measured_record.soc_name]}
     path.write_text(augmented_script(cell, effects, candidate, targets, [measured_record]), encoding="utf-8")
@@ -59,6 +64,14 @@ def test_the_script_needs_pybamm_alone_and_gives_the_same_curve(tmp_path, keys):
     )
     assert expected is not None
     np.testing.assert_allclose(np.load(tmp_path / "v.npy"), expected.voltage, atol=2e-4)
+
+
+def test_the_script_has_the_tolerances_of_the_discovery():
+    """A tenth of the relative tolerance in place of the absolute one stops a DFN where the current first steps."""
+    text = augmented_script(CellModel("Chen2020", "DFN"), (), {}, {}, [])
+    assigned = {node.targets[0].id: node.value for node in ast.parse(text).body if isinstance(node, ast.Assign)}
+    tolerances = [ast.literal_eval(assigned[f"{kind}_TOLERANCE"]) for kind in ("RELATIVE", "ABSOLUTE")]
+    assert tolerances == [FINE.rtol, FINE.atol]
 
 
 def test_a_set_from_a_file_stands_in_the_script(tmp_path):

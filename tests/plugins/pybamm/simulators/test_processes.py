@@ -25,6 +25,31 @@ def test_a_pool_that_is_closed_meanwhile_gives_no_answer(monkeypatch: pytest.Mon
         list(pool.run([1]))
 
 
+def test_a_pool_that_is_closed_starts_no_process_for_a_thread_that_waited(monkeypatch: pytest.MonkeyPatch) -> None:
+    pool: Pool[int, str] = Pool(None, 1, 1.0)  # type: ignore[arg-type]
+    started: list[int] = []
+    monkeypatch.setattr(pool.workers[0], "submit", lambda job, allowance: started.append(job))
+    busy = pool._idle.get()
+    waiting = threading.Event()
+
+    def close_meanwhile() -> None:
+        waiting.wait(5.0)
+        pool.close()
+        pool._idle.put(busy)
+
+    def idle(must_wait: bool) -> Worker[int, str] | None:
+        waiting.set()
+        return pool._idle.get(timeout=5.0)
+
+    monkeypatch.setattr(pool, "_idle_worker", idle)
+    closing = threading.Thread(target=close_meanwhile)
+    closing.start()
+    with pytest.raises(RuntimeError, match="were ended"):
+        list(pool.run([1]))
+    closing.join()
+    assert started == []
+
+
 def test_a_report_is_told_with_the_last_ones_of_all_jobs_at_hand(monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[list[Any]] = []
     pool: Pool[int, str] = Pool(None, 3, 1.0, lambda reports: told.append(list(reports)))  # type: ignore[arg-type]

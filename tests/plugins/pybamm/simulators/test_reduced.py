@@ -26,6 +26,7 @@ NOTHING = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
         ("Discharge at C/5 until 2.5 V", "Discharge at 0.1C until 2.5 V"),
         ("Discharge at 5 A until 2.5 V", "Discharge at 2.5 A until 2.5 V"),
         ("Charge at 500 mA until 4.1 V", "Charge at 250 mA until 4.1 V"),
+        ("Charge at 5e-05 A until 4.1 V", "Charge at 2.5e-05 A until 4.1 V"),
         ("Hold at 4.2 V until C/20", "Hold at 4.2 V until C/20"),
         ("Rest for 1 hour", "Rest for 1 hour"),
         ("Discharge at 1C for 10 minutes", "Discharge at 1C for 10 minutes"),

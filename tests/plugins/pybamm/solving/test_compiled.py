@@ -115,6 +115,31 @@ def test_a_protocol_whose_every_step_is_skipped_is_a_failed_trial() -> None:
 
 
 @pytest.mark.slow
+def test_a_cycle_whose_only_step_is_skipped_leaves_the_others_their_places() -> None:
+    nothing, skipped = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1)), ("Charge at 1C until 4.0 V",)
+    steps = (skipped, ("Rest for 1 minute", "Discharge at 1C for 1 minute"), skipped, ("Rest for 2 minutes",))
+    experiment = Experiment("x", nothing, steps, initial_soc=1.0)
+    run = CompiledExperiment(CellModel("Chen2020", "SPM"), experiment, {}).solve({})
+    assert run.failure is None
+    assert run.trajectory is not None
+    places = [(step.kind, step.cycle, step.position) for step in run.trajectory.steps]
+    assert places == [(StepKind.REST, 2, 0), (StepKind.CC_DISCHARGE, 2, 1), (StepKind.REST, 4, 0)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("skipped", [1, 2])
+def test_a_step_that_dies_behind_skipped_ones_says_why(skipped: int) -> None:
+    nothing = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
+    steps = (("Charge at 1C until 4.0 V",) * skipped + ("Discharge at 1000C for 10 minutes",),)
+    experiment = Experiment("x", nothing, steps, initial_soc=1.0)
+    run = CompiledExperiment(CellModel("Chen2020", "DFN"), experiment, {}).solve({})
+    assert run.trajectory is None
+    assert run.failure is not None
+    assert "IDA" in run.failure.cause
+    assert run.failure.step.startswith("Discharge at 1000C")
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ORegan2022", "Ecker2015", "Prada2013", "Marquis2019"])
 @pytest.mark.parametrize("model", ["SPM", "SPMe", "DFN"])
 def test_every_chemistry_and_model_runs(name: str, model: str) -> None:
