@@ -1,8 +1,10 @@
 """What a model may lack: a named effect with its equation, its parameters and its signature in the voltage."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from .errors import BsaError
@@ -175,6 +177,11 @@ class Effect:
     def values(self, candidate: Values) -> dict[str, float]:
         """The parameters of this effect in a candidate, by short name; null values where the candidate is silent."""
         return {p.name: float(candidate.get(self.full_name(p), p.null)) for p in self.parameters}
+
+    def held_at(self, values: Values) -> Effect:
+        """The effect with other values for those of its parameters, by full name, of which a candidate is silent."""
+        held = [replace(p, null=values.get(self.full_name(p), p.null)) for p in self.parameters]
+        return replace(self, parameters=tuple(held))
 
     @property
     def searched(self) -> tuple[Parameter, ...]:

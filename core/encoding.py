@@ -193,10 +193,8 @@ def encode_task(task: Task) -> Json:
 
 def encode_cell(cell: CellModel) -> Json:
     """A cell model; without effects as it always was."""
-    own: Json = {**asdict(cell), "options": dict(cell.options), "overrides": dict(cell.overrides)}
-    if not own["effects"]:
-        del own["effects"]
-    return own
+    own: Json = {**asdict(cell), **{name: dict(getattr(cell, name)) for name in ("options", "overrides", "strengths")}}
+    return {name: value for name, value in own.items() if value or name not in ("effects", "strengths")}
 
 
 def _encode_experiment(experiment: Experiment) -> Json:

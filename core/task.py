@@ -63,6 +63,8 @@ class CellModel:
         Values that replace those of the set and are not searched.
     effects : tuple of str
         Effects of the catalogue that the equations have too, by their keys.
+    strengths : mapping of str to float
+        Values of parameters of these effects that are not searched, by full name.
     """
 
     parameter_set: ParameterSource
@@ -70,6 +72,7 @@ class CellModel:
     options: Mapping[str, Any] = field(default_factory=dict)
     overrides: Mapping[str, float] = field(default_factory=dict)
     effects: tuple[str, ...] = ()
+    strengths: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import BsaError
 from ..core.record import Record
-from ..core.task import ParameterSource, Task
+from ..core.task import ParameterFile, ParameterSource, Task
 from .file_reading import FileReading
 from .read_options import one_each
 from .run_names import named_after
@@ -126,7 +126,15 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
     Raises `BsaError` if no parameter set is given, or a record, a set or a parameter makes no sense.
     """
     from .tasks.measured_cell import CellRequest
-    from .tasks.parameter_source import parameter_source, read_finished, start_from, starts_left_out, with_its_space
+    from .tasks.parameter_source import (
+        found_cell,
+        parameter_source,
+        read_finished,
+        start_from,
+        starts_left_out,
+        strengths_of,
+        with_its_space,
+    )
     from .tasks.records import build_task
 
     requests, held_out = records.requests(), records.held_out_requests()
@@ -145,7 +153,9 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
         base, overrides = start_from(run, cell.search)
         begun = run.task.cell
         model, options = cell.model or begun.model, {**begun.options, **cell.options}
-        wanted = CellRequest(base, model, options, overrides, effects=cell.effects or begun.effects, **asked)
+        strengths = begun.strengths if cell.search is None else strengths_of(run, cell.effects)
+        effects = tuple(dict.fromkeys((*begun.effects, *cell.effects)))
+        wanted = CellRequest(base, model, options, overrides, effects=effects, strengths=strengths, **asked)
         task = build_task(name, wanted, requests, held_out)
         return task if cell.search is not None else with_its_space(task, run, bool(records.initial_soc))
     if cell.parameters is None:
@@ -154,7 +164,10 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
             "add --parameters Chen2020 (NMC811), Marquis2019 or Ai2020 (LCO), Prada2013 (LFP), Ecker2015 (NMC), or "
             "nearest with a discharge at 1C or slower; bsa list parameters shows all sets.",
         )
-    source = parameter_source(cell.parameters)
-    wanted = CellRequest(source, cell.model or "DFN", cell.options, effects=cell.effects, **asked)
+    found = None if isinstance(cell.parameters, ParameterFile) else found_cell(cell.parameters, cell.effects)
+    source = parameter_source(cell.parameters) if found is None else found.parameters
+    held, strengths = ((), {}) if found is None else (found.effects, found.strengths)
+    effects = tuple(dict.fromkeys((*held, *cell.effects)))
+    wanted = CellRequest(source, cell.model or "DFN", cell.options, effects=effects, strengths=strengths, **asked)
     task, left_out = build_task(name, wanted, requests, held_out), starts_left_out(cell.parameters, source)
     return replace(task, notes=(*task.notes, left_out)) if left_out else task

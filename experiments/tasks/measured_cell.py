@@ -41,8 +41,9 @@ _CONTACT_SHARE = 0.6
 class CellRequest:
     """What a person says of the cell."""
 
-    # parameter_set, model, options, overrides, effects: As in `CellModel`. The set may be ``"nearest"``: that of the
-    # positive electrode among the nearest potentials. The parameters of the effects are searched too.
+    # parameter_set, model, options, overrides, effects, strengths: As in `CellModel`. The set may be ``"nearest"``:
+    # that of the positive electrode among the nearest potentials. The parameters of the effects are searched too, but
+    # for those whose strengths are given.
     parameter_set: ParameterSource
     model: str = "DFN"
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -54,6 +55,7 @@ class CellRequest:
     # `chosen_potentials`); empty keeps those of the parameter set.
     ocp: str = ""
     effects: Sequence[str] = ()
+    strengths: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def given(self) -> frozenset[str]:
@@ -90,7 +92,7 @@ def measured_cell(
     out, K.
     """
     parameter_set, options, notes = _set_and_options(wanted, requests, records, ambient_k, held_out)
-    model = CellModel(parameter_set, wanted.model, options, wanted.overrides, tuple(wanted.effects))
+    model = CellModel(parameter_set, wanted.model, options, wanted.overrides, tuple(wanted.effects), wanted.strengths)
     overrides, capacity_ah, said = _values(wanted, model, requests, records, ambient_k)
     return MeasuredCell(replace(model, overrides=overrides), capacity_ah, [*notes, *said])
 
@@ -188,7 +190,8 @@ def searched_space(
         # A preset does not know what this person knows.
         space = ParameterSpace(tuple(parameter for parameter in space if parameter.name not in wanted.overrides))
     space, notes = with_influence(space, models, f'the preset "{wanted.search}"' * by_preset)
-    space = ParameterSpace((*space, *(parameter for effect in effects for parameter in effect.searched)))
+    of_effects = [p for effect in effects for p in effect.searched if p.name not in cell.strengths]
+    space = ParameterSpace((*space, *of_effects))
     return _with_resistance_started(space, wanted, cell, records, spectra), notes
 
 

@@ -64,19 +64,31 @@ class FoundCell:
     left_v: float  # Root mean square of the voltage error that the fit left, V; 0 where it compared none.
 
 
-def found_cell(given: str) -> FoundCell | None:
-    """What `--parameters` means where it names a run; None where it does not. Raises as `calibrated`."""
+def found_cell(given: str, searched: Sequence[str] = ()) -> FoundCell | None:
+    """What `--parameters` means where it names a run; None where it does not. Raises as `calibrated`.
+
+    Effects that are ``searched`` anew have no strengths of the run, see `strengths_of`.
+    """
     folder = _run_named(given)
     if folder is None:
         return None
     run = read_finished(folder)
     cell = run.task.cell
-    own = {p.name for p in run.task.space if isinstance(p.target, EffectValue)}
-    strengths = {name: value for name, value in run.best.candidate.items() if name in own}
     assert run.best.metrics is not None  # of a simulation that ran to its end
     left_mv = voltage_rmse_mv(run.best.metrics)
     left_v = 1e-3 * left_mv if math.isfinite(left_mv) else 0.0
-    return FoundCell(_without_effects(run), cell.options, cell.effects, strengths, left_v)
+    return FoundCell(_without_effects(run), cell.options, cell.effects, strengths_of(run, searched), left_v)
+
+
+def strengths_of(run: RunRecord, searched: Sequence[str] = ()) -> dict[str, float]:
+    """What a run found of its effects, by the full names of their parameters; not of those that are ``searched`` anew.
+
+    These are named as `Effect.is_called` takes them.
+    """
+    anew = {name.split(".")[0].split(" (")[0] for name in searched}
+    own = {p.name: p.target.effect for p in run.task.space if isinstance(p.target, EffectValue)}
+    found = {name: run.best.candidate[name] for name, effect in own.items() if effect not in anew}
+    return {**run.task.cell.strengths, **found}
 
 
 def starts_left_out(given: ParameterSource, found: ParameterSource) -> str:
@@ -137,13 +149,15 @@ def _calibrated(run: RunRecord) -> ParameterFile:
     if run.task.cell.effects:
         raise BsaError(
             f"the model of {run.name} has {', '.join(run.task.cell.effects)} beside its parameters.",
-            "begin a run with its search: --start-from RUN without --search; no parameter set holds an effect.",
+            "no parameter set holds an effect: --start-from RUN and --parameters RUN of bsa run keep it.",
         )
     return _without_effects(run)
 
 
 def _without_effects(run: RunRecord) -> ParameterFile:
-    cell = {name: value for name, value in encode_task(run.task)["cell"].items() if name != "effects"}
+    cell = {
+        name: value for name, value in encode_task(run.task)["cell"].items() if name not in ("effects", "strengths")
+    }
     content = {
         "cell": cell,
         "space": [encode_parameter(parameter) for parameter in run.task.space],
@@ -160,7 +174,7 @@ def start_from(run: RunRecord, search: str | Mapping[str, Any] | None) -> tuple[
     """
     if search is None:
         return run.task.cell.parameter_set, dict(run.task.cell.overrides)
-    return _calibrated(run), {}
+    return _without_effects(run), {}
 
 
 def with_its_space(task: Task, run: RunRecord, socs_given: bool = False) -> Task:

@@ -88,7 +88,7 @@ def effects_in(cell: CellModel) -> tuple[Effect, ...]:
                 "name one of them.",
             )
         by_name[effect.name] = effect.key
-    return found
+    return tuple(effect.held_at(cell.strengths) for effect in found)
 
 
 def refuse_current_effects(cell: CellModel) -> None:

@@ -1,9 +1,12 @@
+import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from bsa.core.comparison.signal_metrics import SignalMetrics
+from bsa.core.encoding import decode_task, encode_task
 from bsa.core.errors import BsaError
 from bsa.core.feedback import Feedback
 from bsa.core.parameters import ParameterSpace
@@ -13,14 +16,17 @@ from bsa.core.task import Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.core.trial import Trial
 from bsa.experiments.run_record import RunRecord
+from bsa.experiments.task_request import CellChoice, Records, task_of_records
 from bsa.experiments.tasks import parameter_source as parameter_source_module
 from bsa.experiments.tasks.measured_cell import CellRequest
 from bsa.experiments.tasks.parameter_source import found_cell, parameter_source, starts_left_out, with_its_space
 from bsa.experiments.tasks.record_request import RecordRequest
 from bsa.experiments.tasks.records import build_task
+from bsa.plugins.pybamm.augmentation import effects_in
 from bsa.plugins.pybamm.cells.parameter_sets import load
 from bsa.plugins.pybamm.cells.state_of_charge import InitialState
 
+HALF_GAP = "ocp-hysteresis: half_gap [V]"
 SHAPE = "Positive electrode OCP correction at stoichiometry 0.5 [V]"
 
 
@@ -51,30 +57,56 @@ def test_the_name_of_an_installed_set_is_no_folder(tmp_path: Path, monkeypatch: 
         parameter_source("./Chen2020")
 
 
-def test_a_discovery_gets_what_the_model_of_a_run_has_beside_its_parameters(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    name = "ocp-hysteresis: half_gap [V]"
+@pytest.fixture
+def with_hysteresis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RunRecord:
+    """A finished run whose model has an effect, in the folder of the test."""
     asked = CellRequest("Chen2020", "SPM", search={SHAPE: {"lower": -0.1, "upper": 0.1}}, effects=["ocp-hysteresis"])
     task = build_task("t", asked, [RecordRequest(at_rest("a", 3.9))])
-    best = {parameter.name: parameter.initial for parameter in task.space} | {SHAPE: 0.08, name: 0.02}
+    best = {parameter.name: parameter.initial for parameter in task.space} | {SHAPE: 0.08, HALF_GAP: 0.02}
     run = replace(finished(task_of(at_rest("a", 3.9))), task=task)
     metrics = SignalMetrics(1.0, {"voltage_rmse_mv": 6.5})
     run = replace(run, trials=(replace(run.trials[0], candidate=best, metrics=metrics),))
     monkeypatch.setattr(parameter_source_module, "read_finished", lambda folder: run)
     (tmp_path / "journal.jsonl").touch()
+    return run
+
+
+def test_a_discovery_gets_what_the_model_of_a_run_has_beside_its_parameters(
+    tmp_path: Path, with_hysteresis: RunRecord
+) -> None:
     assert found_cell("Chen2020") is None
     assert found_cell(str(tmp_path / "set.json")) is None
     found = found_cell(str(tmp_path))
     assert found is not None
     assert found.effects == ("ocp-hysteresis",)
     assert found.left_v == pytest.approx(6.5e-3)
-    assert found.strengths[name] == 0.02
-    assert set(found.strengths) == {one for one in task.space.names if one.startswith("ocp-hysteresis")}
+    assert found.strengths[HALF_GAP] == 0.02
+    of_effect = {one for one in with_hysteresis.task.space.names if one.startswith("ocp-hysteresis")}
+    assert set(found.strengths) == of_effect
     assert found.options == {"contact resistance": "true"}
     assert load(found.parameters)["Nominal cell capacity [A.h]"] == pytest.approx(5.0, rel=0.05)
     with pytest.raises(BsaError, match="has ocp-hysteresis beside its parameters"):
         parameter_source(str(tmp_path))
+
+
+@pytest.mark.parametrize("how", ["start_from", "parameters"])
+def test_what_a_run_found_of_its_effects_stays_where_something_else_is_searched(
+    how: str, tmp_path: Path, with_hysteresis: RunRecord
+) -> None:
+    def after(**more: Any) -> Task:
+        run = {"start_from": tmp_path} if how == "start_from" else {"parameters": str(tmp_path)}
+        return task_of_records(Records([at_rest("b", 3.8)]), CellChoice(model="SPM", **run, **more))
+
+    task = after(search={SHAPE: {"lower": -0.1, "upper": 0.1}})
+    assert task.space.names == (SHAPE,)
+    assert task.cell.effects == ("ocp-hysteresis",)
+    (effect,) = effects_in(task.cell)
+    assert effect.values({})["half_gap"] == 0.02
+    assert decode_task(json.loads(json.dumps(encode_task(task)))).cell == task.cell
+    # An effect that is named is searched anew.
+    again = after(search={SHAPE: {"lower": -0.1, "upper": 0.1}}, effects=["ocp-hysteresis"])
+    assert HALF_GAP in again.space
+    assert not again.cell.strengths
 
 
 def test_a_record_that_was_fitted_starts_at_the_state_of_charge_that_was_found() -> None:
