@@ -14,19 +14,24 @@ from ..core.trial import Trial
 from .tasks.measured_cell import RESISTANCE
 
 _SLOW = "slow-active-material"
-_IN_A_FIT = f"--effect {_SLOW}.negative-electrode --search silicon-cell"
+_IN_A_FIT = f"--effect {_SLOW}.negative-electrode"
+_OFTEN = (
+    "Many measured cells are fitted nearer with a part of the negative electrode that exchanges lithium slowly. To fit "
+    f"with it: {_IN_A_FIT}"
+)
 
 
 def misfit_notes(task: Task, best: Trial, to_discover: str) -> list[str]:
     """Sentences about the best candidate's misfit. ``to_discover`` is the command that looks for what is missing."""
     notes = []
-    if best.residuals is not None and is_structured(best.residuals):
+    structured = best.residuals is not None and is_structured(best.residuals)
+    if structured:
         notes.append(
             "The misfit that is left is larger than the noise and follows the curve: the model may lack an effect, if "
             f"more simulations do not remove it. To look for it: {to_discover}"
         )
     if not any(name.startswith(_SLOW) for name in task.cell.effects):
-        notes += _slow_rest(_rises_of(task, best), _IN_A_FIT)
+        notes += _slow_rest(_rises_of(task, best), _IN_A_FIT) or [_OFTEN] * structured
     if _shows_too_much_at_once(task, best):
         notes.append(
             "The contact resistance ended at its lower bound, although the records hold pulses: the simulated "

@@ -113,14 +113,19 @@ class TwoWays:
 
     study: str
     columns: tuple[str, str]
+    most: tuple[str, str] | None = None  # Errors over 99 % of the time, where they are shown too.
 
     def __call__(self, results: Results) -> str:
         """The table in Markdown."""
+        shown = {" / mV": self.columns} | ({" over 99 % of the time / mV": self.most} if self.most else {})
         lines = []
         for cell, own in grouped(results.rows(self.study), "cell").items():
-            first, second = ([mean_of(of_role(own, role), name) for role in ROLES] for name in self.columns)
-            lines.append([cell, _counts(own), *map(_arrow, first, second)])
-        heads = ["cell", "records", *(f"{role} / mV" for role in ROLES)]
+            line = [cell, _counts(own)]
+            for pair in shown.values():
+                first, second = ([mean_of(of_role(own, role), name) for role in ROLES] for name in pair)
+                line += map(_arrow, first, second)
+            lines.append(line)
+        heads = ["cell", "records", *(f"{role}{unit}" for unit in shown for role in ROLES)]
         return results.framed(self.study, markdown_table(heads, lines, 2))
 
 

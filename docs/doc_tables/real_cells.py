@@ -29,6 +29,8 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "knees": by_cell.TwoWays("knees", ("usual_mv", "rms_mv")),
     "nearest-potentials": by_cell.nearest_potentials,
     "nearest-set": by_cell.nearest_set,
+    # Mean voltage errors of the same fits, without and with a part of the negative electrode that exchanges slowly.
+    "slow-material": by_cell.TwoWays("slow_material", ("without_mv", "with_mv"), ("without_99_mv", "with_99_mv")),
     # Mean voltage errors of the same fits, by whether records have a state of charge each or share a rest voltage.
     "starts": by_cell.TwoWays("starts", ("own_mv", "shared_mv")),
     # Errors of held-out records beside the bands that their fits predict.

@@ -41,7 +41,7 @@ def told(
 def test_a_rest_that_the_model_ends_too_early_names_what_to_try() -> None:
     (said,) = told(record(7200.0, 0.2, clock=0.2), record(7200.0, 0.0))
     assert "by 134 mV more than the simulated one" in said
-    assert said.endswith("--effect slow-active-material.negative-electrode --search silicon-cell")
+    assert said.endswith("--effect slow-active-material.negative-electrode")
 
 
 @pytest.mark.parametrize(
@@ -73,9 +73,12 @@ def test_a_discovery_names_an_effect_that_it_did_not_consider() -> None:
 
 def test_a_misfit_that_follows_the_curve_points_to_a_discovery() -> None:
     wave = 10.0 * np.sin(np.linspace(0.0, 20.0, 200))
-    (said,) = told(record(900.0, 0.0), record(900.0, 0.0), wave)
+    said, to_try = told(record(900.0, 0.0), record(900.0, 0.0), wave)
     assert "follows the curve" in said
     assert said.endswith("bsa discover --data cell.csv")
+    assert to_try.endswith("To fit with it: --effect slow-active-material.negative-electrode")
+    slow = ("slow-active-material.negative-electrode",)
+    assert len(told(record(900.0, 0.0), record(900.0, 0.0), wave, slow)) == 1
     noise = np.random.default_rng(1).normal(size=200)
     assert told(record(900.0, 0.0), record(900.0, 0.0), noise) == []
 
