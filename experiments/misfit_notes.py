@@ -16,8 +16,8 @@ from .tasks.measured_cell import RESISTANCE
 _SLOW = "slow-active-material"
 _IN_A_FIT = f"--effect {_SLOW}.negative-electrode"
 _OFTEN = (
-    "Many measured cells are fitted nearer with a part of the negative electrode that exchanges lithium slowly. To fit "
-    f"with it: {_IN_A_FIT}"
+    "In many measured cells a part of the negative electrode exchanges lithium slowly, which explains much of such a "
+    f"misfit. To fit with it: {_IN_A_FIT}"
 )
 
 
