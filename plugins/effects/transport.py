@@ -138,17 +138,6 @@ particle_size_distribution = Effect(
 )
 
 
-_END = 1e-3
-"""Stoichiometry next to 0 and 1 at which a potential begins to run off."""
-
-
-def _softly_above(stoichiometry: Any) -> Any:
-    """A stoichiometry that comes to 0 and does not go below: `_END` at 0."""
-    import pybamm
-
-    return (stoichiometry + pybamm.sqrt(stoichiometry**2 + 4 * _END**2)) / 2
-
-
 def _slow_share(which: str, model: Any, p: Mapping[str, Any]) -> Any:
     import pybamm
 
@@ -165,10 +154,15 @@ def _slow_share(which: str, model: Any, p: Mapping[str, Any]) -> Any:
     model.initial_conditions[slow] = pybamm.x_average(pybamm.r_average(electrode.c_init)) / electrode.c_max
     model.variables[f"Stoichiometry of the slow {which} material"] = slow
 
+    end = 1e-3  # the stoichiometry next to 0 and 1 at which a potential begins to run off
+
+    def above_0(stoichiometry: Any) -> Any:
+        return (stoichiometry + pybamm.sqrt(stoichiometry**2 + 4 * end**2)) / 2
+
     def potential(stoichiometry: Any) -> Any:
-        within = _softly_above(1 - _softly_above(1 - stoichiometry))
+        within = above_0(1 - above_0(1 - stoichiometry))
         # What is empty or full has no potential of its own: beyond its ends that goes on as a logarithm does there.
-        beyond = (within - stoichiometry) * pybamm.constants.R * temperature / pybamm.constants.F / _END
+        beyond = (within - stoichiometry) * pybamm.constants.R * temperature / pybamm.constants.F / end
         return electrode.U(within, temperature) + beyond
 
     # What the slow material has not given or taken yet, the other has, whose potential is measured.
