@@ -31,7 +31,8 @@ def misfit_notes(task: Task, best: Trial, to_discover: str) -> list[str]:
             f"more simulations do not remove it. To look for it: {to_discover}"
         )
     if not any(name.startswith(_SLOW) for name in task.cell.effects):
-        notes += _slow_rest(_rises_of(task, best), _IN_A_FIT) or [_OFTEN] * structured
+        driven = any(one.protocol is None and not one.is_spectrum for one in task.experiments)
+        notes += _slow_rest(_rises_of(task, best), _IN_A_FIT) or [_OFTEN] * (structured and driven)
     if _shows_too_much_at_once(task, best):
         notes.append(
             "The contact resistance ended at its lower bound, although the records hold pulses: the simulated "

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bsa.core.feedback import Feedback
 from bsa.core.parameters import Parameter, ParameterSpace
-from bsa.core.task import CellModel, Experiment, Task
+from bsa.core.task import CellModel, Experiment, Protocol, Task
 from bsa.core.trajectory import FloatArray, Step, StepKind, Trajectory
 from bsa.core.trial import Trial
 from bsa.experiments.misfit_notes import discovery_notes, misfit_notes, potentials_note
@@ -31,9 +31,10 @@ def told(
     simulated: Trajectory | None,
     residuals: FloatArray | None = None,
     effects: tuple[str, ...] = (),
+    protocol: Protocol | None = None,
 ) -> list[str]:
     cell = CellModel("Chen2020", effects=effects)
-    task = Task("cell", cell, SPACE, (Experiment("cell", measured),))
+    task = Task("cell", cell, SPACE, (Experiment("cell", measured, protocol),))
     best = Trial(0, "initial", 0, SPACE.initial, None, None, residuals, Feedback(), (simulated,), 1.0)
     return misfit_notes(task, best, "bsa discover --data cell.csv")
 
@@ -79,6 +80,7 @@ def test_a_misfit_that_follows_the_curve_points_to_a_discovery() -> None:
     assert to_try.endswith("To fit with it: --effect slow-active-material.negative-electrode")
     slow = ("slow-active-material.negative-electrode",)
     assert len(told(record(900.0, 0.0), record(900.0, 0.0), wave, slow)) == 1
+    assert len(told(record(900.0, 0.0), record(900.0, 0.0), wave, protocol=(("Discharge at 1C until 2.5 V",),))) == 1
     noise = np.random.default_rng(1).normal(size=200)
     assert told(record(900.0, 0.0), record(900.0, 0.0), noise) == []
 
@@ -103,7 +105,7 @@ def test_pulses_that_leave_nothing_to_the_contacts_name_the_pores(
     measured: Trajectory, searched: tuple[Parameter, ...], ohm: float, said: bool
 ) -> None:
     space = ParameterSpace(searched)
-    task = Task("cell", CellModel("Chen2020"), space, (Experiment("cell", measured),))
+    task = Task("cell", CellModel("Chen2020"), space, (Experiment("cell", measured, protocol),))
     candidate = {**space.initial, "Contact resistance [Ohm]": ohm}
     best = Trial(0, "initial", 0, candidate, None, None, None, Feedback(), (None,), 1.0)
     notes = misfit_notes(task, best, "bsa discover --data cell.csv")
