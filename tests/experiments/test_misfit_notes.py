@@ -105,7 +105,7 @@ def test_pulses_that_leave_nothing_to_the_contacts_name_the_pores(
     measured: Trajectory, searched: tuple[Parameter, ...], ohm: float, said: bool
 ) -> None:
     space = ParameterSpace(searched)
-    task = Task("cell", CellModel("Chen2020"), space, (Experiment("cell", measured, protocol),))
+    task = Task("cell", CellModel("Chen2020"), space, (Experiment("cell", measured),))
     candidate = {**space.initial, "Contact resistance [Ohm]": ohm}
     best = Trial(0, "initial", 0, candidate, None, None, None, Feedback(), (None,), 1.0)
     notes = misfit_notes(task, best, "bsa discover --data cell.csv")
