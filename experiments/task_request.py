@@ -119,6 +119,10 @@ class CellChoice:
     start_from: Path | None = None
     effects: Sequence[str] = ()  # Effects of the catalogue that the model has too; their parameters are searched.
 
+    def effects_beside(self, held: Sequence[str]) -> tuple[str, ...]:
+        """The effects of an earlier run and those that are named here, each once."""
+        return tuple(dict.fromkeys((*held, *self.effects)))
+
 
 def task_of_records(records: Records, cell: CellChoice) -> Task:
     """The task of matching records, those that are held out included.
@@ -154,7 +158,7 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
         begun = run.task.cell
         model, options = cell.model or begun.model, {**begun.options, **cell.options}
         strengths = begun.strengths if cell.search is None else strengths_of(run, cell.effects)
-        effects = tuple(dict.fromkeys((*begun.effects, *cell.effects)))
+        effects = cell.effects_beside(begun.effects)
         wanted = CellRequest(base, model, options, overrides, effects=effects, strengths=strengths, **asked)
         task = build_task(name, wanted, requests, held_out)
         return task if cell.search is not None else with_its_space(task, run, bool(records.initial_soc))
@@ -167,7 +171,7 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
     found = None if isinstance(cell.parameters, ParameterFile) else found_cell(cell.parameters, cell.effects)
     source = parameter_source(cell.parameters) if found is None else found.parameters
     held, strengths = ((), {}) if found is None else (found.effects, found.strengths)
-    effects = tuple(dict.fromkeys((*held, *cell.effects)))
+    effects = cell.effects_beside(held)
     wanted = CellRequest(source, cell.model or "DFN", cell.options, effects=effects, strengths=strengths, **asked)
     task, left_out = build_task(name, wanted, requests, held_out), starts_left_out(cell.parameters, source)
     return replace(task, notes=(*task.notes, left_out)) if left_out else task

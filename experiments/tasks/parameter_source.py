@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...core.comparison.signal_metrics import voltage_rmse_mv
+from ...core.contracts.effect_choice import effects_of
 from ...core.encoding import decode_parameter, encode_parameter, encode_task
 from ...core.errors import BsaError
 from ...core.files import file_error
@@ -83,9 +84,9 @@ def found_cell(given: str, searched: Sequence[str] = ()) -> FoundCell | None:
 def strengths_of(run: RunRecord, searched: Sequence[str] = ()) -> dict[str, float]:
     """What a run found of its effects, by the full names of their parameters; not of those that are ``searched`` anew.
 
-    These are named as `Effect.is_called` takes them.
+    Raises `BsaError` if there is no effect of such a name.
     """
-    anew = {name.split(".")[0].split(" (")[0] for name in searched}
+    anew = {effect.name for effect in effects_of(searched)}
     own = {p.name: p.target.effect for p in run.task.space if isinstance(p.target, EffectValue)}
     found = {name: run.best.candidate[name] for name, effect in own.items() if effect not in anew}
     return {**run.task.cell.strengths, **found}
