@@ -193,8 +193,9 @@ def encode_task(task: Task) -> Json:
 
 def encode_cell(cell: CellModel) -> Json:
     """A cell model; without effects as it always was."""
-    own: Json = {**asdict(cell), **{name: dict(getattr(cell, name)) for name in ("options", "overrides", "strengths")}}
-    return {name: value for name, value in own.items() if value or name not in ("effects", "strengths")}
+    mappings = ("options", "overrides", "strengths", "offered")
+    own: Json = {**asdict(cell), **{name: dict(getattr(cell, name)) for name in mappings}}
+    return {name: value for name, value in own.items() if value or name not in ("effects", "strengths", "offered")}
 
 
 def _encode_experiment(experiment: Experiment) -> Json:

@@ -41,6 +41,11 @@ class Scaffold(BaseModel, extra="forbid"):
     )
     warm_up: PluginChoice | None = Field(None, description="What is tried before the search; none means nothing.")
     proposer: PluginChoice = Field(description="What says which candidate to try next.")
+    offers: list[str] = Field(
+        default_factory=list,
+        exclude_if=lambda offers: not offers,
+        description="Effects of the catalogue that the proposer may add to the model of a cell under its current.",
+    )
 
     @property
     def parts(self) -> list[tuple[Part, PluginChoice]]:

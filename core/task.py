@@ -65,6 +65,9 @@ class CellModel:
         Effects of the catalogue that the equations have too, by their keys.
     strengths : mapping of str to float
         Values of parameters of these effects that are not searched, by full name.
+    offered : mapping of str to tuple of str
+        Those of the effects that a search may leave out, with the names of their parameters, the strength first. They
+        start absent: the strength has no effect where the search begins.
     """
 
     parameter_set: ParameterSource
@@ -73,6 +76,7 @@ class CellModel:
     overrides: Mapping[str, float] = field(default_factory=dict)
     effects: tuple[str, ...] = ()
     strengths: Mapping[str, float] = field(default_factory=dict)
+    offered: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

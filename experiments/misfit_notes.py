@@ -1,7 +1,7 @@
 """What the misfit of a fit to records shows that its parameters cannot remove, and what to try."""
 
 import shlex
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -21,8 +21,11 @@ _OFTEN = (
 )
 
 
-def misfit_notes(task: Task, best: Trial, to_discover: str) -> list[str]:
-    """Sentences about the best candidate's misfit. ``to_discover`` is the command that looks for what is missing."""
+def misfit_notes(task: Task, best: Trial, to_discover: str, offered: Collection[str] = ()) -> list[str]:
+    """Sentences about the best candidate's misfit.
+
+    ``to_discover`` is the command that looks for what is missing, ``offered`` are effects that the search might add.
+    """
     notes = []
     structured = best.residuals is not None and is_structured(best.residuals)
     if structured:
@@ -30,7 +33,7 @@ def misfit_notes(task: Task, best: Trial, to_discover: str) -> list[str]:
             "The misfit that is left is larger than the noise and follows the curve: the model may lack an effect, if "
             f"more simulations do not remove it. To look for it: {to_discover}"
         )
-    if not any(name.startswith(_SLOW) for name in task.cell.effects):
+    if not any(name.startswith(_SLOW) for name in (*task.cell.effects, *offered)):
         driven = any(one.protocol is None and not one.is_spectrum for one in task.experiments)
         notes += _slow_rest(_rises_of(task, best), _IN_A_FIT) or [_OFTEN] * (structured and driven)
     if _shows_too_much_at_once(task, best):

@@ -38,8 +38,10 @@ from .another_budget import (
     write_budget,
 )
 from .misfit_notes import misfit_notes
+from .offered_notes import offered_notes
 from .reply_notes import reply_notes
 from .run_record import read_run
+from .tasks.offered_effects import with_offered
 
 RESULT = "result.json"
 
@@ -94,6 +96,7 @@ def execute_run(
 
     resources = resources or Resources()
     config = config.model_copy(update={"scaffold": config.scaffold.made_for(task.simulator)})
+    task = with_offered(task, config.scaffold)
     with closing(backend), opened(folder, "trial") as book:
         journal, earlier = book.file, book.earlier
         if any(event["event"] == "trial" for event in earlier):
@@ -111,7 +114,7 @@ def execute_run(
             for text in (*task.notes, *journal.warnings):
                 listener.noted(text)
 
-            write = partial(_write_products, folder, task, config, backend.name, plugins)
+            write = partial(_write_products, folder, config, backend.name, plugins)
 
             def forecast(result: RunResult) -> None:
                 write(result)
@@ -126,8 +129,10 @@ def execute_run(
             ).execute()
             if said := nothing_added(folder, earlier, config, result):
                 note(said)
-            about_the_misfit = misfit_notes(task, result.best, to_discover) if to_discover else ()
-            for text in (*reply_notes(result), *about_the_misfit):
+            notes = [*reply_notes(result), *offered_notes(task, result.trials)]
+            if to_discover:
+                notes += misfit_notes(result.task, result.best, to_discover, task.cell.offered)
+            for text in notes:
                 note(text)
             write(result)
     if report:
@@ -135,10 +140,8 @@ def execute_run(
     return result
 
 
-def _write_products(
-    folder: Path, task: Task, config: RunConfig, backend_name: str, plugins: RunPlugins, result: RunResult
-) -> None:
-    write_results(folder, task, config, backend_name, result)
+def _write_products(folder: Path, config: RunConfig, backend_name: str, plugins: RunPlugins, result: RunResult) -> None:
+    write_results(folder, config, backend_name, result)
     for name, content in plugins.export(result.best.candidate).items():
         write_text(folder / name, content)
 
@@ -208,8 +211,9 @@ def read_request(folder: Path, budget: Mapping[str, Any] | None = None) -> tuple
     return task, validated(RunConfig, {**config.model_dump(), **budget}, "run configuration") if budget else config
 
 
-def summary(task: Task, config: RunConfig, backend_name: str, result: RunResult) -> dict[str, Any]:
+def summary(config: RunConfig, backend_name: str, result: RunResult) -> dict[str, Any]:
     """What ``result.json`` holds: ``best`` is the run's answer, ``best_score`` the trial with the lowest objective."""
+    task = result.task
     return {
         "task": task.name,
         "scaffold": config.scaffold.name,
@@ -255,7 +259,7 @@ def _numbers(task: Task, metrics: Metrics | None) -> dict[str, float | None]:
     return {key: None if math.isnan(value) else value for key, value in found.items()}
 
 
-def write_results(folder: Path, task: Task, config: RunConfig, backend_name: str, result: RunResult) -> None:
+def write_results(folder: Path, config: RunConfig, backend_name: str, result: RunResult) -> None:
     """Write ``result.json`` and ``best_parameters.json``, each whole or not at all."""
-    write_json(folder / RESULT, summary(task, config, backend_name, result), indent=2)
+    write_json(folder / RESULT, summary(config, backend_name, result), indent=2)
     write_json(folder / "best_parameters.json", dict(result.best.candidate), indent=2)

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from ..core.inference.post_fit_analysis import PostFitAnalysis
 from ..core.inference.prediction import HELD_OUT, Prediction, decode_prediction
 from ..core.messages import Usage
 from ..core.metrics import Metrics, decode_metrics
+from ..core.offered_effects import as_found, of_the_found
 from ..core.parameters import Parameter
 from ..core.proposal import CHANGED_FROM, LACKING, unusable_replies
 from ..core.run.after_search import ANALYSIS, NO_BAND, NOT_ANALYSED, NOT_PREDICTED, SCORE, read_record_errors
@@ -72,7 +72,7 @@ class RunRecord:
     """Everything a journal tells of a run."""
 
     name: str  # Name of the run's folder.
-    task: Task  # What was to be matched.
+    task: Task  # What was matched, with those alone of the effects that it was offered which the answer has.
     config: Mapping[str, Any]  # The run's configuration, as `RunConfig` writes it.
     versions: Mapping[str, str]  # What was installed when the run began.
     identity: str  # Hash of task, configuration and versions.
@@ -81,6 +81,7 @@ class RunRecord:
     rounds: tuple[Round, ...]  # Every proposal, warm-up included, in order.
     # Every call of the language model, votes and reviews among them, those of a round that was cut off included.
     exchanges: tuple[Exchange, ...]
+    best: Trial  # The trial whose parameters and intervals are the run's answer; the initial one if all failed.
     # Metrics of reference accuracy by trial, as far as they were computed.
     scores: Mapping[int, Metrics | None] = field(default_factory=dict)
     notes: tuple[str, ...] = ()  # What the run had to say, task's assumptions first.
@@ -104,15 +105,11 @@ class RunRecord:
         """The name of what simulated."""
         return str(self.config["scaffold"].get("simulator", {}).get("use", "pybamm"))
 
-    @cached_property
-    def best(self) -> Trial:
-        """The trial whose parameters and intervals are the run's answer; the initial one if all failed."""
-        return answer(self.task, self.trials)
-
     @property
     def lowest(self) -> Trial:
-        """The trial with the lowest objective; the initial one if all failed."""
-        return lowest(self.trials)
+        """The trial with the lowest objective, of those with the effects of the task; the initial one if all failed."""
+        names = set(self.task.space.names)
+        return lowest([trial for trial in self.trials if names.issuperset(trial.candidate)])
 
     def metrics_of(self, trial: Trial) -> Metrics | None:
         """Of reference accuracy where there is a score, else of the search."""
@@ -194,12 +191,15 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
         raise ValueError("a simulation has a number below 0")
     if not trials or trials[0].index != 0:
         raise BsaError(f"{folder} holds no finished simulation yet.", "wait for the first one, or resume the run.")
-    task = decode_task(first["task"])
+    asked = decode_task(first["task"])
     shaped(_CONFIG, first["config"])
     for trial in trials:
-        for parameter in task.space:
+        for parameter in asked.space:
             _check_bounds(parameter, trial.candidate[parameter.name])
-    best = answer(task, trials).index
+    best = answer(asked, trials).index
+    task = as_found(asked, next(trial for trial in trials if trial.index == best))
+    comparable = {trial.index: trial for trial in of_the_found(asked, task, trials)}
+    trials = tuple(comparable.get(trial.index, trial) for trial in trials)
     scores = {event["index"]: event for event in events if event["event"] == SCORE}
     latest = since_budget(events)
     analysis, held_out = _analysis(latest, best, task), _predictions(latest, best)
@@ -218,6 +218,7 @@ def _record(folder: Path, events: list[dict[str, Any]]) -> RunRecord:
         identity=str(first.get("identity", "")),
         status=_status(events),
         trials=trials,
+        best=comparable[best],
         rounds=_rounds(events, trials),
         exchanges=tuple(exchange_of(event) for event in events if event["event"] in EXCHANGED),
         scores={index: decode_metrics(event["metrics"]) for index, event in scores.items()},

@@ -101,6 +101,6 @@ def _no_setting(key: str) -> BsaError:
         f'--set {first}{dot}{rest}: there is no setting "{first}{dot}{rest}".',
         f"{nearest} "
         * bool(nearest)
-        + f"Settings of a run: {', '.join(RunConfig.model_fields)}; of its scaffold: simulator, feedback, memories, "
-        "warm_up and proposer, each with .use and .options.",
+        + f"Settings of a run: {', '.join(RunConfig.model_fields)}; of its scaffold: offers, and simulator, "
+        "feedback, memories, warm_up and proposer, each with .use and .options.",
     )

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..comparison.residuals import noise_of_residuals
+from ..offered_effects import added_parameters
 from ..prior import Prior
 from ..rms import rms
 from ..task import Task
@@ -30,23 +31,26 @@ def answer(task: Task, trials: Sequence[Trial]) -> Trial:
     """
     if task.given_drive:
         prior = Prior.of(task.space)
-        return min(trials, key=lambda trial: (_improbability(task, prior, trial), trial.objective))
+        return min(trials, key=lambda trial: (improbability(task, prior, trial), trial.objective))
     best = likeliest(trials)
     if not weighs_score(task, best):
         return best
     return min(trials, key=lambda trial: (misfit_times_score(trial), trial.objective))
 
 
-def _improbability(task: Task, prior: Prior, trial: Trial) -> float:
+def improbability(task: Task, prior: Prior, trial: Trial) -> float:
     """Minus twice the logarithm of the posterior density, but for a constant; infinite for a trial that failed.
 
-    The standard deviation of the residuals is not known: it is the likeliest one.
+    The standard deviation of the residuals is not known: it is the likeliest one. Each parameter of an effect that the
+    search has added counts the logarithm of the number of residuals: a model with more parameters comes nearer in any
+    case (Bayesian information criterion, doi:10.1214/aos/1176344136).
     """
     if trial.residuals is None:
         return np.inf
     departure = prior.deviations(task.space.to_unit(trial.candidate))
-    noise = max(trial.misfit, FINEST_NOISE)
-    return float(len(trial.residuals) * (2.0 * np.log(noise) + (trial.misfit / noise) ** 2) + departure @ departure)
+    noise, count = max(trial.misfit, FINEST_NOISE), len(trial.residuals)
+    of_misfit = count * (2.0 * np.log(noise) + (trial.misfit / noise) ** 2)
+    return float(of_misfit + departure @ departure + len(added_parameters(task, trial.candidate)) * np.log(count))
 
 
 def weighs_score(task: Task, best: Trial) -> bool:

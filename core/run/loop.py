@@ -23,6 +23,7 @@ from ..inference.post_fit_analysis import PostFitAnalysis
 from ..inference.prediction import Prediction
 from ..messages import Outage, RunStopped, Usage
 from ..metrics import Metrics, evaluate
+from ..offered_effects import as_found, of_the_found
 from ..parameters import Candidate
 from ..proposal import LACKING, Proposal, unusable_replies
 from ..simulation import ExperimentRun, Outcome, SimulationFailure
@@ -56,6 +57,7 @@ class RunResult:
     """How a run ended."""
 
     status: Status  # Why it ended.
+    task: Task  # What was matched, with those alone of the effects that it was offered which the answer has.
     best: Trial  # The run's answer (`answer`), to which parameters and intervals belong.
     lowest: Trial  # The trial with the lowest objective, by which benchmarks score; often the same.
     # initial_metrics, best_metrics, lowest_metrics: Scored with the simulator's reference accuracy (PyBaMM's standard
@@ -122,7 +124,7 @@ class Run:
         self._journal = journal
         self._folder = folder
         self._listener = listener
-        earlier = list(earlier)
+        self._earlier = earlier = list(earlier)
         self._earlier_trials = {event["index"]: event for event in earlier if event["event"] == "trial"}
         self._budget = SimulationBudget(config, earlier)
         self._proposals = 0
@@ -130,7 +132,6 @@ class Run:
         self._earlier_s = spent_s(earlier)
         self._analysing = analysing
         self._low_fidelity = LowFidelitySimulations(task, plugins, journal, earlier, listener)
-        self._after = AfterSearch(task, plugins, journal, earlier, listener)
         self._trials: list[Trial] = []
         self._lacking = self._advice = ""
         self._repetition_told = False
@@ -357,10 +358,15 @@ class Run:
         return partial_residuals(self._task, outcome) if compared else None
 
     def _finish(self, status: Status, reason: str, started: float) -> RunResult:
-        initial, best, scored_best = self._trials[0], answer(self._task, self._trials), self.lowest
+        found = as_found(self._task, answer(self._task, self._trials))
+        trials = of_the_found(self._task, found, self._trials)
+        initial, best, scored_best = trials[0], answer(found, trials), lowest(trials)
+        if found.cell.effects != self._task.cell.effects:
+            self._plugins.go_over_to(found)
         # Of a run that is to go on, nobody wants to wait for the last word.
         last_word = status not in ("interrupted", "outage")
-        scores = self._after.score([initial, best, scored_best]) if last_word else {}
+        after = AfterSearch(found, self._plugins, self._journal, self._earlier, self._listener)
+        scores = after.score([initial, best, scored_best]) if last_word else {}
         fit = scores.get(best.index, Score(best.metrics))
         # A single simulation is no fit, and there is nothing to judge.
         analysing = last_word and self._analysing and len(self._trials) > 1
@@ -368,6 +374,7 @@ class Run:
         def result(analysis: PostFitAnalysis | None, held_out: tuple[Prediction, ...], took_s: float) -> RunResult:
             return RunResult(
                 status=status,
+                task=found,
                 best=best,
                 lowest=scored_best,
                 initial_metrics=scores.get(initial.index, Score(initial.metrics)).metrics,
@@ -388,19 +395,15 @@ class Run:
                 records=fit.records,
                 held_out=held_out,
                 advice=self._advice,
-                cut_short=self._after.cut_short,
+                cut_short=after.cut_short,
             )
 
-        soon = self._after.forecast(best) if analysing else ()
+        soon = after.forecast(best) if analysing else ()
         if soon:
             self._forecast(result(None, soon, time.perf_counter() - started))
         # What was found out before is not forgotten where nothing further is to be.
-        analysis = (
-            self._after.analyse(self._trials, best, self._config.simulations)
-            if analysing
-            else self._after.known_analysis(best)
-        )
-        held_out = self._after.predict(best, analysis, fit.records) if last_word else ()
+        analysis = after.analyse(trials, best, self._config.simulations) if analysing else after.known_analysis(best)
+        held_out = after.predict(best, analysis, fit.records) if last_word else ()
         took_s = time.perf_counter() - started
         self._journal.append("end", status=status, best=best.index, wall_s=took_s)
         return result(analysis, held_out, took_s)

@@ -53,6 +53,8 @@ class LowFidelitySimulations:
         """The residuals of each, shape (m,); None for one that failed."""
         keys = [_key(candidate) for candidate in candidates]
         places = [place for place, key in enumerate(keys) if key not in self._known]
+        if places:
+            self._listener.counted(STEPS, 0, len(places))
         outcomes = self._plugins.simulate_low_fidelity([candidates[place] for place in places]) if places else ()
         for done, (number, outcome) in enumerate(outcomes or (), start=1):
             candidate, found = candidates[places[number]], residuals(self._task, outcome)

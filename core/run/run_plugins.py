@@ -1,7 +1,7 @@
 """The plugins of one run behind a typed façade: what they are asked, and what they answer, is checked here."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import pluggy
@@ -19,7 +19,7 @@ from ..parameters import Candidate
 from ..proposal import Proposal
 from ..scaffold import Part, Scaffold
 from ..simulation import Outcome, in_order
-from ..task import Experiment, Protocol
+from ..task import Experiment, Protocol, Task
 from ..task_reduction import TaskReduction
 from ..trial import Trial
 
@@ -66,17 +66,28 @@ class RunPlugins:
         registry: Registry,
         note: Callable[[str], None] = lambda text: None,
     ) -> None:
+        self._scaffold, self._registry = scaffold, registry
         self._context, self._note = context, note
         self._noted: set[str] = set()
         self._participants: list[Participant] = []
         for place, (kind, choice) in enumerate(scaffold.parts):
             if any((kind, choice.use) == (other, earlier.use) for other, earlier in scaffold.parts[:place]):
                 raise BsaError(f'scaffold "{scaffold.name}" lists the {kind} "{choice.use}" twice.', "list it once.")
+        self._make()
+
+    def go_over_to(self, task: Task) -> None:
+        """Close the plugins and make them anew for another task: the one that a search has left."""
+        self.close()
+        self._context = replace(self._context, task=task)
+        self._make()
+
+    def _make(self) -> None:
+        self._participants = []
         try:
-            for kind, choice in scaffold.parts:
-                plugin = registry.make(kind, choice.use, choice.options, context)
-                self._participants.append(_participant(plugin, kind, registry.find(kind, choice.use).who))
-            self._check_alone(scaffold)
+            for kind, choice in self._scaffold.parts:
+                plugin = self._registry.make(kind, choice.use, choice.options, self._context)
+                self._participants.append(_participant(plugin, kind, self._registry.find(kind, choice.use).who))
+            self._check_alone(self._scaffold)
         except BaseException:
             # What was made before may hold processes and files.
             self.close()

@@ -176,6 +176,7 @@ def run(
     from ..run_settings import given_budgets, key_values, run_config
     from ..task_request import CellChoice, Records
     from ..tasks.find import find_task
+    from ..tasks.offered_effects import with_offered
 
     if out is not None:
         check_run_folder(out)
@@ -216,8 +217,9 @@ def run(
     )
     to_discover = ""
     if data and start_from is None and not request.task.long:
+        fitted = with_offered(request.task, request.config.scaffold)
         typed = {
-            "--parameters": request.folder if _goes_beyond_its_set(request.task, ocp, parameters) else parameters,
+            "--parameters": request.folder if _goes_beyond_its_set(fitted, ocp, parameters) else parameters,
             "--model": model,
             "--options": options,
             "--no-scale": not scale,
@@ -289,10 +291,10 @@ def _execute(
             raise typer.Exit(INTERRUPTED) from None
         raise
     if as_json:
-        print(json.dumps(summary(task, config, backend.name, result), indent=2))
+        print(json.dumps(summary(config, backend.name, result), indent=2))
     else:
         further = _how_to_go_on(result, config, folder, identifiability)
-        _print_summary(task, result, folder, config.scaffold.made_for(task.simulator).simulator.use, further)
+        _print_summary(result, folder, config.scaffold.made_for(task.simulator).simulator.use, further)
     if result.status in STOPPED:
         why = one_line(result.reason or result.status, 400)
         larger = larger_allowance(folder, result.usage)
@@ -335,7 +337,7 @@ def _how_to_go_on(result: RunResult, config: RunConfig, folder: Path, identifiab
         yield f"What the record fixes was not looked for; to find out: {_resume_command(folder)}"
 
 
-def _print_summary(task: Task, result: RunResult, folder: Path, simulator: str, further: Iterable[str] = ()) -> None:
+def _print_summary(result: RunResult, folder: Path, simulator: str, further: Iterable[str] = ()) -> None:
     from ...core.comparison.signal_metrics import MISFIT
     from ...core.metrics import headline_of, objective_of
     from ..report.forecast_line import forecast_line
@@ -354,6 +356,7 @@ def _print_summary(task: Task, result: RunResult, folder: Path, simulator: str, 
     from ..report.search_misfit import search_misfits
     from ..report.wording import losses, number
 
+    task = result.task
     failed = sum(trial.failed for trial in result.trials)
     lost = f", {result.lost_calls} of {result.llm_calls} model calls lost" * bool(result.lost_calls)
     useless = losses(result.unusable_replies, result.llm_calls - result.lost_calls, result.lost_rounds)

@@ -267,6 +267,7 @@ def rows_of(drawn: Drawn, result: RunResult) -> list[Row]:
     rows = [
         {**shared, "grade": i.verdict, "of": name, **_contained(drawn.truth[name], i.value, i.lower, i.upper)}
         for name, i in intervals.items()
+        if name in drawn.truth  # The parameters of an effect that the fit has added have no true values.
     ]
     predicted, name = result.held_out[0], VOLTAGE.name
     values, halves = (_signal_at(predicted.curve, signal, drawn.unseen_s) for signal in (name, band_of(name)))

@@ -15,6 +15,7 @@ from ...core.inference.fit_settings import Box, Settings
 from ...core.inference.identifiability import residual_noise
 from ...core.inference.least_squares import LeastSquares
 from ...core.inference.low_fidelity import LowFidelity
+from ...core.offered_effects import switched_on
 from ...core.parameters import Candidate
 from ...core.rms import rms
 from ...core.run.answer import FINEST_NOISE
@@ -69,6 +70,11 @@ class StageChoice(BaseModel, extra="forbid"):
         "",
         description="A stage that this one fits once more, from the same start with another noise; of the two ends the "
         "more probable one stands. Skipped where that one left less noise.",
+    )
+    adds: str = Field(
+        "",
+        description="An offered effect that it adds to the model, whose parameters no earlier stage fits; of its end "
+        "and that of the stage before it the more probable one stands. Skipped where the effect is not offered.",
     )
     noise: float = Field(
         _USUAL_NOISE,
@@ -197,7 +203,8 @@ class StageFit(Stage):
     """A stage whose derivatives are simulated; parameters and attributes as for `Stage`.
 
     One that is fitted to the first cycle simulates no other, and the whole task where it ended. What ``earlier`` trials
-    show of its residuals is known to it. ``low_fidelity`` is the model that leads the way (see `ProposeContext`).
+    show of its residuals is known to it. ``low_fidelity`` is the model that leads the way (see `ProposeContext`), and
+    ``goes_on`` whether stages after it mend what such a model leaves.
     """
 
     def __init__(
@@ -210,6 +217,7 @@ class StageFit(Stage):
         budget: int,
         earlier: Sequence[Trial] = (),
         low_fidelity: LowFidelityResiduals | None = None,
+        goes_on: bool = False,
     ) -> None:
         super().__init__(task, choice, view, free, start, budget)
         self._told_so_far = list(earlier)
@@ -217,10 +225,11 @@ class StageFit(Stage):
         self.reduction = self._first_cycle
         self._low_fidelity: LowFidelity | None = None
         if low_fidelity is not None:
-            # What such a model leaves is mended by the stages after this one.
-            self._low_fidelity = LowFidelity(partial(self._low_residuals, low_fidelity), suffices=choice.share < 1.0)
+            self._low_fidelity = LowFidelity(partial(self._low_residuals, low_fidelity), suffices=goes_on)
         self._search = self._from_here()
-        self._scan = self._spread(choice.scan)
+        self._tried_first = self._spread(choice.scan)
+        if choice.adds:
+            self._tried_first.append(switched_on(task, choice.adds, start.candidate))
 
     def _spread(self, count: int) -> list[Candidate]:
         """The values of a scan, one parameter moved at a time; none where fewer simulations are left."""
@@ -231,14 +240,17 @@ class StageFit(Stage):
                 found.append({**self._here.candidate, parameter.name: parameter.from_unit(float(position))})
         return found if len(found) < self._left else []
 
-    def _take_scan(self, trials: Sequence[Trial]) -> Trial:
-        """Begin at the best of the values tried, where one is better."""
-        self._scan = []
+    def _begin_at_best(self, trials: Sequence[Trial]) -> Trial:
+        """Begin at the best of the values tried, where one is better; where an effect is added, in any case with it."""
+        self._tried_first = []
+        places = trials if self.choice.adds else (self._here, *trials)
         costs = [
-            np.inf if (residual := self._weighed(trial)) is None else float(residual @ residual)
-            for trial in (self._here, *trials)
+            np.inf if (residual := self._weighed(trial)) is None else float(residual @ residual) for trial in places
         ]
-        self._here = (self._here, *trials)[int(np.argmin(costs))]
+        if not np.isfinite(min(costs)):
+            self._left = 0  # There is no simulation with the effect to begin from.
+            return self._here
+        self._here = places[int(np.argmin(costs))]
         self._search = self._from_here()
         return self._here
 
@@ -273,8 +285,8 @@ class StageFit(Stage):
 
     def ask(self, simulations_left: int) -> list[Candidate]:
         """What to simulate next; empty when the stage has ended."""
-        if self._scan:
-            return self._scan
+        if self._tried_first:
+            return self._tried_first
         if self._first_cycle is not None and self.reduction is None:
             return []
         # The last one simulates all cycles where the fit of the first one ended.
@@ -301,8 +313,10 @@ class StageFit(Stage):
     def _method(self) -> str:
         if self._first_cycle is not None and self.reduction is None:
             return "all cycles where it ended"
-        if self._scan:
-            return f"{len(self._scan)} values over the ranges of those without a prior"
+        if self._tried_first:
+            if self.choice.adds:
+                return f'the effect "{self.choice.adds}" is added'
+            return f"{len(self._tried_first)} values over the ranges of those without a prior"
         if self._search.stage == "low-fidelity":
             return "a step by the low-fidelity model"
         return "an emulator's step" if self._search.stage == "emulated" else super()._method
@@ -318,8 +332,8 @@ class StageFit(Stage):
         """Take in the trials of the candidates asked for, in order; the trial of the best point."""
         self._left -= len(trials)
         self._told_so_far += trials
-        if self._scan:
-            return self._take_scan(trials)
+        if self._tried_first:
+            return self._begin_at_best(trials)
         if self._here.reduction is not None and self.reduction is None:
             # A cell whose first cycle fits may fail in a later one.
             (whole,) = trials

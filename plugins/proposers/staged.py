@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from ...core.errors import did_you_mean
 from ...core.hooks import ProposeContext, RunContext, hookimpl
+from ...core.offered_effects import absent_parameters, is_offered
 from ...core.parameters import Candidate
 from ...core.proposal import LACKING, Proposal
 from ...core.run.answer import answer
+from ...core.task import Task
 from ...core.trial import Trial
 from .descent import Descent, DescentOptions, LedOptions
 from .equilibrium_fit import EquilibriumFit
@@ -100,12 +103,12 @@ class StagedProposer:
             self._end(self._stage, context)
 
     def _end(self, stage: Stage, context: ProposeContext) -> None:
-        """Note that a stage has ended; of two that fit the same, the more probable end stands."""
-        self._stage, self._last = None, stage
+        """Note that a stage has ended; of it and the one that it competes with the more probable end stands."""
+        before, self._stage, self._last = self._last, None, stage
         self._finished[stage.choice.name] = stage
-        first = self._finished.get(stage.choice.again)
-        if first is not None and answer(context.task, [first.here, stage.here]) is first.here:
-            self._last, self._here = first, first.here
+        other = before if stage.choice.adds else self._finished.get(stage.choice.again)
+        if other is not None and answer(context.task, [other.here, stage.here]) is other.here:
+            self._last, self._here = other, other.here
 
     @hookimpl
     def weighs_priors(self) -> bool:
@@ -156,7 +159,10 @@ class StagedProposer:
         return None
 
     def _prepared(self, choice: StageChoice, context: ProposeContext) -> tuple[Stage | None, str]:
-        free = np.array([choice.takes(name, self._finished) for name in context.task.space.names])
+        if choice.adds and not is_offered(context.task, choice.adds):
+            why = "in the model from the start" if choice.adds in context.task.cell.effects else "not offered"
+            return None, f'the effect "{choice.adds}" is {why}'
+        free = self._fitted_by(choice, context.task)
         budget = int(np.ceil(choice.share * context.simulations_left))
         if choice.after and choice.after not in self._finished:
             self._lacked += [choice] if choice.after in {lacked.name for lacked in self._lacked} else []
@@ -179,12 +185,23 @@ class StagedProposer:
         if first is not None and low is None:
             return None, "another fit takes a low-fidelity model, which this task does not have"
         # Without such a model, derivatives are simulations of the search.
-        needed = _FEWEST_STEPS + (int(np.count_nonzero(free)) if low is None else 0)
+        needed = _FEWEST_STEPS + bool(choice.adds) + (int(np.count_nonzero(free)) if low is None else 0)
         if budget < needed:
             if first is not None:
                 return None, f"the {context.simulations_left} simulations left do not suffice for another fit"
             return None, self._too_few(choice, int(np.count_nonzero(free)), needed, context)
-        return StageFit(context.task, choice, view, free, start, budget, context.trials, low), ""
+        goes_on = choice.share < 1.0 or self._adds_later(context.task)
+        return StageFit(context.task, choice, view, free, start, budget, context.trials, low, goes_on), ""
+
+    def _adds_later(self, task: Task) -> bool:
+        """Whether a later stage adds an effect, and so fits all of the records once more."""
+        return any(is_offered(task, choice.adds) for choice in self._plan)
+
+    def _fitted_by(self, choice: StageChoice, task: Task) -> NDArray[np.bool_]:
+        """The parameters that a stage fits; not those of effects that are absent and that it does not add."""
+        assert self._here is not None
+        absent = set(absent_parameters(task, self._here.candidate)) - set(task.cell.offered.get(choice.adds, ()))
+        return np.array([choice.takes(name, self._finished) and name not in absent for name in task.space.names])
 
     def _too_few(self, choice: StageChoice, parameters: int, needed: int, context: ProposeContext) -> str:
         """That the simulations left do not suffice for a stage, and of how many a run comes to it in any case."""
@@ -218,6 +235,8 @@ class StagedProposer:
         """Where the stage before ended; for what is fitted to everything, the best trial if that is better."""
         assert self._here is not None
         best = context.best
+        if choice.adds:
+            return self._here
         if choice.data == "everything" and best.residuals is not None and best.objective < self._here.objective:
             return best
         return self._here

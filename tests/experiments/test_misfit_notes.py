@@ -1,5 +1,6 @@
 """What is said of a misfit that parameters cannot remove."""
 
+from collections.abc import Sequence
 from types import SimpleNamespace
 
 import numpy as np
@@ -32,11 +33,12 @@ def told(
     residuals: FloatArray | None = None,
     effects: tuple[str, ...] = (),
     protocol: Protocol | None = None,
+    offered: Sequence[str] = (),
 ) -> list[str]:
     cell = CellModel("Chen2020", effects=effects)
     task = Task("cell", cell, SPACE, (Experiment("cell", measured, protocol),))
     best = Trial(0, "initial", 0, SPACE.initial, None, None, residuals, Feedback(), (simulated,), 1.0)
-    return misfit_notes(task, best, "bsa discover --data cell.csv")
+    return misfit_notes(task, best, "bsa discover --data cell.csv", offered)
 
 
 def test_a_rest_that_the_model_ends_too_early_names_what_to_try() -> None:
@@ -88,6 +90,11 @@ def test_a_misfit_that_follows_the_curve_points_to_a_discovery() -> None:
 PULSE = Trajectory(np.linspace(0.0, 10.0, 20), np.ones(20), np.full(20, 3.5), None, (Step(StepKind.PULSE, 0, 20),))
 CONTACT = Parameter("Contact resistance [Ohm]", 0.01, 0.0, 0.1)
 PORES = Parameter("Negative electrode Bruggeman coefficient (electrolyte)", 1.5, 1.0, 4.0)
+
+
+def test_an_effect_that_the_search_might_add_is_not_advised() -> None:
+    offered = ["slow-active-material.negative-electrode"]
+    assert told(record(7200.0, 0.2), record(7200.0, 0.0), offered=offered) == []
 
 
 @pytest.mark.parametrize(

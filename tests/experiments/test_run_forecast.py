@@ -68,5 +68,5 @@ def test_the_forecast_is_in_the_folder_and_told_while_the_intervals_are_sought(
 
 def test_the_summary_tells_the_forecast(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     result = run.execute_run(fading_task(), CONFIG, tmp_path, RulesBackend(), report=False)
-    _print_summary(fading_task(), result, tmp_path, "toy-life")
+    _print_summary(result, tmp_path, "toy-life")
     assert "\n  Forecast of later: capacity 0.8 A h in cycle 100, measured 0.8; off by " in capsys.readouterr().out

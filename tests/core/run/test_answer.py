@@ -4,7 +4,7 @@ import numpy as np
 from bsa.core.comparison.residuals import noise_of_residuals
 from bsa.core.comparison.signal_metrics import SignalMetrics
 from bsa.core.feedback import Feedback
-from bsa.core.parameters import Candidate, ParameterSpace
+from bsa.core.parameters import Candidate, Parameter, ParameterSpace
 from bsa.core.rms import rms
 from bsa.core.run.answer import answer
 from bsa.core.task import Task
@@ -62,6 +62,22 @@ def test_under_a_measured_current_the_priors_count() -> None:
     assert answer(replace(task, space=sample_task().space), [near, little_better]) is little_better
     # Two residuals below a tolerance tell no more than a tolerance does.
     assert answer(task, [trial(0, 1.0, 1.0), better]).index == 0
+
+
+def test_parameters_of_an_effect_that_was_added_have_to_be_worth_it() -> None:
+    task = noisy_task(by_protocol=False)
+    strength = Parameter("extra", 0.0, 0.0, 1.0, deviation=0.1)
+    task = replace(
+        task,
+        cell=replace(task.cell, effects=("extra",), offered={"extra": ("extra",)}),
+        space=ParameterSpace((*task.space, strength)),
+    )
+    without, it_has = {**sample_task().space.initial, "extra": 0.0}, {**sample_task().space.initial, "extra": 0.1}
+    # Two residuals: minus twice the logarithm of the density falls by 4 ln(ratio), one parameter counts ln 2.
+    worth = 2.0**0.25
+    enough, too_little = trial(1, 1.0, 10.0 / (1.01 * worth), it_has), trial(2, 1.0, 10.0 / (0.99 * worth), it_has)
+    assert answer(task, [trial(0, 1.0, 10.0, without), enough]) is enough
+    assert answer(task, [trial(0, 1.0, 10.0, without), too_little]).index == 0
 
 
 def test_where_nothing_ran_to_its_end_the_first_stands() -> None:

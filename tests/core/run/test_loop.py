@@ -140,7 +140,7 @@ def test_replies_that_cannot_be_used_are_counted_and_said(
     written = json.loads((tmp_path / "run" / "result.json").read_text())
     assert (written["unusable_replies"], written["lost_rounds"]) == (4, 1)
     assert "4 of 5 replies could not be used, 1 round lost" in (tmp_path / "run" / "report.html").read_text()
-    _print_summary(toy_task(), result, tmp_path / "run", "toy-cell")
+    _print_summary(result, tmp_path / "run", "toy-cell")
     assert "(0 failed), 4 of 5 replies could not be used, 1 round lost, " in capsys.readouterr().out
 
 

@@ -1,12 +1,14 @@
 """A run whose simulator has a low-fidelity model: what it simulated is journalled, counted apart, and made once."""
 
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 from bsa.core.hooks import hookimpl
 from bsa.core.run.journal import FILE_NAME, read_events
+from bsa.core.run.listener import Listener
 from bsa.core.run.loop import RunResult
 from bsa.core.run.low_fidelity import LOW_FIDELITY
 from bsa.core.scaffold import Scaffold
@@ -47,6 +49,22 @@ def test_its_simulations_are_told_apart_from_those_of_the_search(run_toy: RunToy
     assert run.low_fidelity_simulations == len(events)
     assert run.simulator_s == pytest.approx(result.simulator_s)
     assert "low-fidelity model" in " ".join(round_.rationale for round_ in run.rounds)
+
+
+def test_each_batch_is_counted_from_its_beginning(run_toy: RunToy, tmp_path: Path) -> None:
+    """What is left of a batch is told by the time since its beginning, not since that of the first one."""
+    told: list[tuple[int, int]] = []
+
+    class Told(Listener):
+        def counted(self, purpose: str, done: int, total: int) -> None:
+            told.append((done, total))
+
+    run_toy(tmp_path, scaffold=led(), listener=Told(), **SHORT)
+    begun = [place for place, (done, _) in enumerate(told) if done == 0]
+    assert len(begun) > 1
+    for place, end in pairwise([*begun, len(told)]):
+        _, total = told[place]
+        assert told[place:end] == [(done, total) for done in range(total + 1)]
 
 
 def test_an_option_leaves_it_out(run_toy: RunToy) -> None:

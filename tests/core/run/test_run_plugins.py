@@ -189,7 +189,7 @@ def driven(end: int, failure: SimulationFailure | None = None) -> RunPlugins:
     return made
 
 
-def test_a_simulation_that_ends_before_its_record_says_why() -> None:
+def test_a_simulation_that_ends_before_its_firstsays_why() -> None:
     whole = GOOD.runs[0].trajectory
     assert whole is not None
     with pytest.raises(BsaError) as raised:
@@ -436,6 +436,22 @@ def test_a_plugin_whose_methods_would_not_be_called_is_refused(memory: object, w
 def test_two_plugins_cannot_answer_one_hook() -> None:
     with pytest.raises(BsaError, match='2 plugins that implement "simulate"'):
         plugins(memory=Greedy())
+
+
+def test_plugins_go_over_to_another_task() -> None:
+    class Closing(Plain):
+        @hookimpl
+        def close(self) -> None:
+            closed.append(True)
+
+    closed: list[bool] = []
+    made = plugins(simulator=Closing())
+    assert [outcome for _, outcome in made.simulate([SPACE.initial], False)] == [GOOD]
+    (first,) = TASK.experiments
+    made.go_over_to(replace(TASK, experiments=(first, replace(first, name="another"))))
+    assert closed == [True]
+    with pytest.raises(BsaError, match="zz-simulator"):  # An outcome of one record is none of two.
+        list(made.simulate([SPACE.initial], False))
 
 
 def test_what_goes_wrong_at_the_end_is_noted_and_the_others_are_closed() -> None:

@@ -65,7 +65,7 @@ def test_the_end_names_a_stage_that_lacked_simulations(run_toy, tmp_path, capsys
         {"name": "joint", "data": "everything"},
     ]
     scaffold = toy_scaffold("staged", proposer={"use": "staged", "options": {"stages": stages}})
-    _print_summary(toy_task(), run_toy(scaffold=scaffold, warm_up=0, simulations=12), tmp_path / "run", "toy-cell")
+    _print_summary(run_toy(scaffold=scaffold, warm_up=0, simulations=12), tmp_path / "run", "toy-cell")
     first, *_, said, report = capsys.readouterr().out.splitlines()
     assert first.startswith("finished, short of simulations, after 6 simulations")
     assert said.startswith('  Stage "joint" is skipped: the 6 simulations left do not suffice')

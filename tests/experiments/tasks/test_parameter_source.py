@@ -45,7 +45,7 @@ def task_of(*records: Record) -> Task:
 def finished(task: Task) -> RunRecord:
     best = {name: {INITIAL_SOC: 0.61, SHAPE: 0.08}[name] for name in task.space.names}
     trial = Trial(0, "initial", 0, best, SignalMetrics(1.0, {}), None, np.ones(3), Feedback({}), (), 0.0)
-    return RunRecord("run", task, {}, {}, "", "finished", (trial,), (), ())
+    return RunRecord("run", task, {}, {}, "", "finished", (trial,), (), (), trial)
 
 
 def test_the_name_of_an_installed_set_is_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -65,7 +65,8 @@ def with_hysteresis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RunRecor
     best = {parameter.name: parameter.initial for parameter in task.space} | {SHAPE: 0.08, HALF_GAP: 0.02}
     run = replace(finished(task_of(at_rest("a", 3.9))), task=task)
     metrics = SignalMetrics(1.0, {"voltage_rmse_mv": 6.5})
-    run = replace(run, trials=(replace(run.trials[0], candidate=best, metrics=metrics),))
+    trial = replace(run.trials[0], candidate=best, metrics=metrics)
+    run = replace(run, trials=(trial,), best=trial)
     monkeypatch.setattr(parameter_source_module, "read_finished", lambda folder: run)
     (tmp_path / "journal.jsonl").touch()
     return run
@@ -133,7 +134,7 @@ def test_what_a_simpler_model_does_not_depend_on_is_left_out_of_an_earlier_runs_
     earlier = build_task("t", CellRequest("Chen2020", "SPMe", search=search), request)
     best = {conductivity: 1.2, SHAPE: 0.08}
     trial = Trial(0, "initial", 0, best, SignalMetrics(1.0, {}), None, np.ones(3), Feedback({}), (), 0.0)
-    run = RunRecord("run", earlier, {}, {}, "", "finished", (trial,), (), ())
+    run = RunRecord("run", earlier, {}, {}, "", "finished", (trial,), (), (), trial)
     assert with_its_space(earlier, run).space.names == (conductivity, SHAPE)
     simpler = with_its_space(task_of(at_rest("a", 3.9)), run)
     assert SHAPE in simpler.space
@@ -149,7 +150,7 @@ def test_a_run_goes_on_with_its_correction_of_the_start_and_another_rest_voltage
     correction = "Initial voltage correction at 3.90 V [V]"
     best = {parameter.name: parameter.initial for parameter in first.space} | {correction: 0.013}
     trial = Trial(0, "initial", 0, best, SignalMetrics(1.0, {}), None, np.ones(3), Feedback({}), (), 0.0)
-    run = RunRecord("run", first, {}, {}, "", "finished", (trial,), (), ())
+    run = RunRecord("run", first, {}, {}, "", "finished", (trial,), (), (), trial)
     again = with_its_space(task_at(3.91), run)
     assert again.space[correction].initial == 0.013
     assert "Initial voltage correction at 3.91 V [V]" not in again.space

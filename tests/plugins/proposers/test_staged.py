@@ -17,7 +17,7 @@ from bsa.core.comparison.residuals import partial_residuals, residuals, rows_of
 from bsa.core.errors import BsaError
 from bsa.core.feedback import Feedback
 from bsa.core.inference.least_squares import LeastSquares
-from bsa.core.parameters import Parameter, ParameterSpace
+from bsa.core.parameters import Candidate, Parameter, ParameterSpace
 from bsa.core.record import Record
 from bsa.core.run.answer import answer
 from bsa.core.run.journal import read_events
@@ -34,7 +34,7 @@ from bsa.plugins.proposers import stage_fit as stage_fit_module
 from bsa.plugins.proposers.stage_data import view_of
 from bsa.plugins.proposers.stage_fit import StageChoice, StageFit
 from bsa.plugins.proposers.staged import StagedOptions, StagedProposer
-from bsa_toy_cell import CAPACITY, HIDDEN, POLARISATION, RELAXATION, SERIES, toy_scaffold, toy_task
+from bsa_toy_cell import CAPACITY, HIDDEN, POLARISATION, RELAXATION, SERIES, ToyCell, toy_scaffold, toy_task
 from bsa_toy_life import life, life_task
 
 RunToy = Callable[..., RunResult]
@@ -208,6 +208,91 @@ def test_a_run_that_was_cut_takes_the_same_path(run_toy: RunToy, tmp_path: Path)
     assert [trial.candidate for trial in resumed.trials] == [trial.candidate for trial in whole.trials]
 
 
+def offering(strength: Parameter, **start: float) -> Task:
+    """The toy under its measured current, with an offered effect of one parameter; absent where that begins."""
+    task = toy_task()
+    others = (parameter for parameter in task.space.started(start) if parameter.name != strength.name)
+    return replace(
+        task,
+        experiments=(replace(task.experiments[0], protocol=None),),
+        cell=replace(task.cell, effects=("extra",), offered={"extra": (strength.name,)}),
+        space=ParameterSpace((*others, strength)),
+    )
+
+
+def with_an_addition(run_toy: RunToy, folder: Path, task: Task, simulations: int = 100) -> RunResult:
+    stages = [{"name": "all", "data": "everything"}, {"name": "add", "data": "everything", "adds": "extra"}]
+    scaffold = toy_scaffold("staged", proposer={"use": "staged", "options": {"stages": stages}}, offers=[])
+    return run_toy(folder, task=task, scaffold=scaffold, warm_up=0, simulations=simulations)
+
+
+def notes_of(folder: Path) -> str:
+    return " ".join(event["text"] for event in read_events(folder) if event["event"] == "note")
+
+
+def test_an_effect_that_makes_the_fit_more_probable_is_added(run_toy: RunToy, tmp_path: Path) -> None:
+    strength = Parameter(SERIES, 0.05, 0.005, 0.5, "log", deviation=0.2)
+    result = with_an_addition(run_toy, tmp_path / "run", offering(strength))
+    before = [trial for trial in result.trials if trial.candidate[SERIES] == 0.05]
+    assert stages_of(tmp_path / "run") == ["all", "add"]
+    # No stage before fits its parameter, and all are fitted where it is added.
+    assert [trial.index for trial in before] == list(range(len(before)))
+    for name, value in HIDDEN.items():
+        assert result.best.candidate[name] == pytest.approx(value, rel=0.02), name
+    for task in (result.task, read_run(tmp_path / "run").task):
+        assert task.cell.effects == ("extra",)
+        assert not task.cell.offered
+        assert SERIES in task.space
+    assert "The effect extra is in the model: the fit with it is more probable" in notes_of(tmp_path / "run")
+
+
+def test_an_effect_that_explains_nothing_is_left_out(run_toy: RunToy, tmp_path: Path) -> None:
+    idle = Parameter("idle", 0.0, 0.0, 1.0, deviation=0.1)
+    result = with_an_addition(run_toy, tmp_path / "run", offering(idle))
+    tried = [trial for trial in result.trials if trial.candidate["idle"] > 0.0]
+    assert tried
+    assert tried[0].candidate["idle"] == pytest.approx(0.1)
+    run = read_run(tmp_path / "run")
+    for task, best in ((result.task, result.best), (run.task, run.best)):
+        assert task.cell.effects == ()
+        assert "idle" not in task.space
+        assert set(best.candidate) == set(HIDDEN)
+    assert run.best.index == result.best.index < tried[0].index
+    assert result.lowest.index == run.lowest.index
+    assert "idle" not in run.lowest.candidate
+    assert "The effect extra was tried and left out" in notes_of(tmp_path / "run")
+    # Taken up again, the run is the same.
+    again = with_an_addition(run_toy, tmp_path / "run", offering(idle))
+    assert [trial.candidate for trial in again.trials] == [trial.candidate for trial in result.trials]
+    assert again.best.index == result.best.index
+
+
+def test_an_effect_is_not_added_where_it_is_not_offered(run_toy: RunToy, tmp_path: Path) -> None:
+    task = replace(toy_task(), experiments=(replace(toy_task().experiments[0], protocol=None),))
+    with_an_addition(run_toy, tmp_path / "run", task)
+    assert skipped_in(tmp_path / "run")["add"] == 'the effect "extra" is not offered'
+    own = replace(task, cell=replace(task.cell, effects=("extra",)))
+    with_an_addition(run_toy, tmp_path / "own", own)
+    assert skipped_in(tmp_path / "own")["add"] == 'the effect "extra" is in the model from the start'
+
+
+def test_a_cell_that_fails_with_the_effect_stays_without_it(
+    run_toy: RunToy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run_of = ToyCell._run
+
+    def fails_with_it(toy: ToyCell, candidate: Candidate, current_a: float) -> ExperimentRun:
+        failed = ExperimentRun(None, SimulationFailure("the solver gave up"))
+        return failed if candidate.get("idle", 0.0) > 0.0 else run_of(toy, candidate, current_a)
+
+    monkeypatch.setattr(ToyCell, "_run", fails_with_it)
+    idle = Parameter("idle", 0.0, 0.0, 1.0, deviation=0.1)
+    result = with_an_addition(run_toy, tmp_path / "run", offering(idle))
+    assert [trial.index for trial in result.trials if trial.failed] == [len(result.trials) - 1]
+    assert result.status == "finished"
+    assert result.task.cell.effects == ()
+
+
 def test_an_unknown_stage_is_refused_by_name() -> None:
     with pytest.raises(ValueError, match='no stage "ohmig"'):
         StagedOptions.model_validate({"stages": STAGES, "order": ["ohmig"]})
@@ -216,7 +301,8 @@ def test_an_unknown_stage_is_refused_by_name() -> None:
 def test_the_built_in_stages_are_valid() -> None:
     options = StagedOptions.model_validate(load_scaffold("staged").proposer.options)
     names = [stage.name for stage in options.plan]
-    assert names == ["equilibrium", "kinetics", "transport", "thermal", "joint", "joint-again"]
+    assert names == ["equilibrium", "kinetics", "transport", "thermal", "joint", "joint-again", "slow-material"]
+    assert [stage.adds for stage in options.plan if stage.adds] == load_scaffold("staged").offers
 
 
 def measured(current: list[float], hours: list[float]) -> Trajectory:
