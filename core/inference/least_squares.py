@@ -291,7 +291,7 @@ class LeastSquares:
         assert self._led is not None
         if self._plan_guided_step(self._led):
             return
-        if self._led.suffices and (self._led.expects or self.cost < self._first_cost):
+        if self._led.suffices:
             self._end(self._ending_at(self._led.promised))
         else:
             self._next_round()

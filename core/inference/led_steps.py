@@ -48,8 +48,8 @@ class LedSteps(GuidedSteps):
 
     @property
     def suffices(self) -> bool:
-        """See `LowFidelity`."""
-        return self._model.suffices
+        """Whether a fit ends where this model leads no further: where it has led somewhere, and is meant to suffice."""
+        return self._model.suffices and (self._model.has_led or self.expects)
 
     def judge(
         self, here: FloatArray, there: FloatArray, residual: FloatArray | None, gained: float, cost: float, worth: float
@@ -57,6 +57,7 @@ class LedSteps(GuidedSteps):
         """See `GuidedSteps.judge`."""
         self._model.learn(there, residual)
         super().judge(here, there, residual, gained, cost, worth)
+        self._model.has_led |= gained > 0
 
     def derivatives(self, point: FloatArray) -> FloatArray:
         """See `GuidedSteps.derivatives`; of the point that was judged last."""

@@ -40,11 +40,14 @@ class LowFidelity:
     ----------
     jacobian : ndarray of shape (m, p) or None
         What is known of the corrected model's derivatives near the last point.
+    has_led : bool
+        Whether a step by this model has gained anything, in any fit that it has led.
     """
 
     def __init__(self, residuals: LowResiduals, suffices: bool = False) -> None:
         self._simulate = residuals
         self.suffices = suffices
+        self.has_led = False
         self._seen: dict[bytes, FloatArray | None] = {}
         self._learnt: set[bytes] = set()  # Where the full model has simulated too.
         self._point = self._error = np.zeros(

@@ -203,8 +203,9 @@ class StageFit(Stage):
     """A stage whose derivatives are simulated; parameters and attributes as for `Stage`.
 
     One that is fitted to the first cycle simulates no other, and the whole task where it ended. What ``earlier`` trials
-    show of its residuals is known to it. ``low_fidelity`` is the model that leads the way (see `ProposeContext`), and
-    ``goes_on`` whether stages after it mend what such a model leaves.
+    show of its residuals is known to it. ``low_fidelity`` is a model that leads the way (see `ProposeContext`): the fit
+    ends where that leads no further. In five fits of measured cells derivatives and an emulator gained another 0 to 5 %
+    of the misfit, for 30 to 190 simulations.
     """
 
     def __init__(
@@ -217,7 +218,6 @@ class StageFit(Stage):
         budget: int,
         earlier: Sequence[Trial] = (),
         low_fidelity: LowFidelityResiduals | None = None,
-        goes_on: bool = False,
     ) -> None:
         super().__init__(task, choice, view, free, start, budget)
         self._told_so_far = list(earlier)
@@ -225,7 +225,7 @@ class StageFit(Stage):
         self.reduction = self._first_cycle
         self._low_fidelity: LowFidelity | None = None
         if low_fidelity is not None:
-            self._low_fidelity = LowFidelity(partial(self._low_residuals, low_fidelity), suffices=goes_on)
+            self._low_fidelity = LowFidelity(partial(self._low_residuals, low_fidelity), suffices=True)
         self._search = self._from_here()
         self._tried_first = self._spread(choice.scan)
         if choice.adds:

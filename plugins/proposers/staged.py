@@ -190,12 +190,7 @@ class StagedProposer:
             if first is not None:
                 return None, f"the {context.simulations_left} simulations left do not suffice for another fit"
             return None, self._too_few(choice, int(np.count_nonzero(free)), needed, context)
-        goes_on = choice.share < 1.0 or self._adds_later(context.task)
-        return StageFit(context.task, choice, view, free, start, budget, context.trials, low, goes_on), ""
-
-    def _adds_later(self, task: Task) -> bool:
-        """Whether a later stage adds an effect, and so fits all of the records once more."""
-        return any(is_offered(task, choice.adds) for choice in self._plan)
+        return StageFit(context.task, choice, view, free, start, budget, context.trials, low), ""
 
     def _fitted_by(self, choice: StageChoice, task: Task) -> NDArray[np.bool_]:
         """The parameters that a stage fits; not those of effects that are absent and that it does not add."""
