@@ -129,7 +129,9 @@ def execute_run(
             ).execute()
             if said := nothing_added(folder, earlier, config, result):
                 note(said)
-            notes = [*reply_notes(result), *offered_notes(task, result.trials)]
+            notes = list(reply_notes(result))
+            if result.status not in ("interrupted", "outage"):
+                notes += offered_notes(task, result.trials)
             if to_discover:
                 notes += misfit_notes(result.task, result.best, to_discover, task.cell.offered)
             for text in notes:

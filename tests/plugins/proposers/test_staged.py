@@ -17,10 +17,12 @@ from bsa.core.comparison.residuals import partial_residuals, residuals, rows_of
 from bsa.core.errors import BsaError
 from bsa.core.feedback import Feedback
 from bsa.core.inference.least_squares import LeastSquares
+from bsa.core.messages import Usage
 from bsa.core.parameters import Candidate, Parameter, ParameterSpace
 from bsa.core.record import Record
 from bsa.core.run.answer import answer
 from bsa.core.run.journal import read_events
+from bsa.core.run.listener import SILENT, Listener
 from bsa.core.run.loop import RunResult
 from bsa.core.scaffold import Scaffold, load_scaffold
 from bsa.core.segmentation import segment
@@ -220,10 +222,10 @@ def offering(strength: Parameter, **start: float) -> Task:
     )
 
 
-def with_an_addition(run_toy: RunToy, folder: Path, task: Task, simulations: int = 100) -> RunResult:
+def with_an_addition(run_toy: RunToy, folder: Path, task: Task, listener: Listener = SILENT) -> RunResult:
     stages = [{"name": "all", "data": "everything"}, {"name": "add", "data": "everything", "adds": "extra"}]
     scaffold = toy_scaffold("staged", proposer={"use": "staged", "options": {"stages": stages}}, offers=[])
-    return run_toy(folder, task=task, scaffold=scaffold, warm_up=0, simulations=simulations)
+    return run_toy(folder, task=task, scaffold=scaffold, warm_up=0, simulations=100, listener=listener)
 
 
 def notes_of(folder: Path) -> str:
@@ -265,6 +267,19 @@ def test_an_effect_that_explains_nothing_is_left_out(run_toy: RunToy, tmp_path: 
     again = with_an_addition(run_toy, tmp_path / "run", offering(idle))
     assert [trial.candidate for trial in again.trials] == [trial.candidate for trial in result.trials]
     assert again.best.index == result.best.index
+
+
+def test_an_interrupted_run_says_nothing_yet_of_the_effect(run_toy: RunToy, tmp_path: Path) -> None:
+    class Stopping(Listener):
+        def tried(self, trial: Trial, best: Trial, usage: Usage) -> None:
+            if trial.candidate["idle"] > 0.0:
+                raise KeyboardInterrupt
+
+    task, folder = offering(Parameter("idle", 0.0, 0.0, 1.0, deviation=0.1)), tmp_path / "run"
+    assert with_an_addition(run_toy, folder, task, listener=Stopping()).status == "interrupted"
+    assert "The effect" not in notes_of(folder)
+    assert with_an_addition(run_toy, folder, task).status == "finished"
+    assert notes_of(folder).count("The effect extra was tried and left out") == 1
 
 
 def test_an_effect_is_not_added_where_it_is_not_offered(run_toy: RunToy, tmp_path: Path) -> None:
