@@ -29,6 +29,7 @@ from ..core.run.run_plugins import RunPlugins
 from ..core.shape import decoding, shaped
 from ..core.task import Task
 from ..core.validation import validated
+from ..plugins.pybamm.before_search.offered_effects import with_offered
 from .another_budget import (
     budget_of,
     check_budget,
@@ -41,7 +42,6 @@ from .misfit_notes import misfit_notes
 from .offered_notes import offered_notes
 from .reply_notes import reply_notes
 from .run_record import read_run
-from .tasks.offered_effects import with_offered
 
 RESULT = "result.json"
 

@@ -33,8 +33,9 @@ def identity_of(config: RunConfig, task_digest: str, effects: Sequence[str] = ()
     """A cell's identity, 16 hex digits.
 
     The configuration is without placement; the hash of the encoded task stands for the task, which may be 100 kB long.
-    ``effects`` are those of the task's cell.
+    ``effects`` are those of the task's cell; those that the scaffold offers take part too.
     """
+    effects = (*effects, *config.scaffold.offers)
     taking_part = (*_plugins(config), *(("effect", entry_name(name)) for name in effects))
     return config.identity({"digest": task_digest}, dict(versions_of(taking_part)))
 

@@ -169,6 +169,7 @@ def run(
 ) -> None:
     """Calibrate a model against a target: the packaged demo, a task file, or cycler records."""
     from ...core.run.allowance import Allowance
+    from ...plugins.pybamm.before_search.offered_effects import with_offered
     from ..another_budget import asked_anew
     from ..checked_options import simulation_workers
     from ..request import RunRequest, run_request
@@ -176,7 +177,6 @@ def run(
     from ..run_settings import given_budgets, key_values, run_config
     from ..task_request import CellChoice, Records
     from ..tasks.find import find_task
-    from ..tasks.offered_effects import with_offered
 
     if out is not None:
         check_run_folder(out)

@@ -211,4 +211,7 @@ def test_effects_count_in_the_tasks_and_discoveries_that_have_them(make_plan, mo
     monkeypatch.setattr(identity, "versions_of", lambda plugins: asked.append(plugins) or ())
     identity.identity_of(config, "digest", ("zz-growth (slow)",))
     assert ("effect", "zz-growth.slow") in asked[0]
+    offering = config.model_copy(update={"scaffold": config.scaffold.model_copy(update={"offers": ["zz-growth.fast"]})})
+    identity.identity_of(offering, "digest")
+    assert ("effect", "zz-growth.fast") in asked[1]
     assert ("effect", "kinetics-marcus") in identity.all_effects()

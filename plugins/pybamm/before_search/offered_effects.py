@@ -2,10 +2,11 @@
 
 from dataclasses import replace
 
-from ...core.effect import Effect, Evidence
-from ...core.parameters import ParameterSpace
-from ...core.scaffold import Scaffold
-from ...core.task import CellModel, Task
+from ....core.effect import Effect, Evidence
+from ....core.parameters import ParameterSpace
+from ....core.scaffold import Scaffold
+from ....core.task import CellModel, Task
+from ..augmentation import effects_in
 
 
 def with_offered(task: Task, scaffold: Scaffold) -> Task:
@@ -19,8 +20,6 @@ def with_offered(task: Task, scaffold: Scaffold) -> Task:
         return task
     if not records or not task.given_drive or not task.space.prior_weights.any():
         return task
-    from ...plugins.pybamm.augmentation import effects_in
-
     own = {effect.name for effect in effects_in(task.cell)}
     for effect in effects_in(CellModel(task.cell.parameter_set, effects=tuple(scaffold.offers))):
         if effect.name not in own and not effect.lacking(_evidence(task)):

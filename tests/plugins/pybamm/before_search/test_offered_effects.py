@@ -9,7 +9,7 @@ from bsa.core.encoding import decode_task, encode_task
 from bsa.core.errors import BsaError
 from bsa.core.offered_effects import absent_effects
 from bsa.core.scaffold import Scaffold, load_scaffold
-from bsa.experiments.tasks.offered_effects import with_offered
+from bsa.plugins.pybamm.before_search.offered_effects import with_offered
 from bsa.testing.sample_task import sample_task
 
 SLOW = "slow-active-material.negative-electrode"
