@@ -48,7 +48,7 @@ def test_what_was_not_fitted_is_scored_beside_what_was(run_toy: RunToy, tmp_path
     from bsa.core.run.run_config import RunConfig
     from bsa_toy_cell import toy_scaffold
 
-    rows = summary(task, RunConfig(scaffold=toy_scaffold()), "rules", result)["records"]
+    rows = summary(RunConfig(scaffold=toy_scaffold()), "rules", result)["records"]
     assert [(row["record"], row["fitted"]) for row in rows] == [("toy record", True), ("at 2 A", False)]
 
 
