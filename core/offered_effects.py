@@ -12,11 +12,6 @@ from .task import Task
 from .trial import Trial
 
 
-def is_offered(task: Task, effect: str) -> bool:
-    """Whether a search may add the effect."""
-    return effect in task.cell.offered
-
-
 def absent_effects(task: Task, candidate: Candidate) -> tuple[str, ...]:
     """The offered effects that a candidate lacks."""
     return tuple(
@@ -33,8 +28,8 @@ def absent_parameters(task: Task, candidate: Candidate) -> tuple[str, ...]:
 
 def added_parameters(task: Task, candidate: Candidate) -> tuple[str, ...]:
     """The parameters of the offered effects that a candidate has."""
-    absent = absent_parameters(task, candidate)
-    return tuple(name for names in task.cell.offered.values() for name in names if name not in absent)
+    absent = absent_effects(task, candidate)
+    return tuple(name for effect, names in task.cell.offered.items() if effect not in absent for name in names)
 
 
 def switched_on(task: Task, effect: str, candidate: Candidate) -> dict[str, float]:

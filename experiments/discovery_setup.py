@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from ..core.contracts.effect_choice import effects_of
+from ..core.contracts.evidence import gather
 from ..core.contracts.requests import Simulator
 from ..core.discovery.engine import Engine
-from ..core.discovery.evidence import gather
 from ..core.discovery.explanation import Explanation
 from ..core.discovery.findings import Listener, Nomination, Settings
 from ..core.discovery.localisation import in_words, localise

@@ -31,29 +31,30 @@ def answer(task: Task, trials: Sequence[Trial]) -> Trial:
     time. There the trial with the least product of misfit and score is reported.
     """
     if task.given_drive:
-        return _most_probable(task, trials)
+        return _with_effects_worth_it(task, trials)
     best = likeliest(trials)
     if not weighs_score(task, best):
         return best
     return min(trials, key=lambda trial: (misfit_times_score(trial), trial.objective))
 
 
-def _most_probable(task: Task, trials: Sequence[Trial]) -> Trial:
-    """The trial with the highest posterior density; with an effect that was added if that lowers the voltage error too.
+def most_probable(task: Task, trials: Sequence[Trial]) -> Trial:
+    """The trial with the highest posterior density, the parameters of effects that the search has added counted."""
+    prior = Prior.of(task.space)
+    return min(trials, key=lambda trial: (_improbability(task, prior, trial), trial.objective))
+
+
+def _with_effects_worth_it(task: Task, trials: Sequence[Trial]) -> Trial:
+    """The most probable trial; with an effect that was added only if that lowers the voltage error too.
 
     Residuals are means over parts of the steps. A fit with more parameters may bring the mean over the last minute of a
     discharge to zero, by a knee that is off one way and then the other.
     """
-    prior = Prior.of(task.space)
-
-    def most_probable(those: Sequence[Trial]) -> Trial:
-        return min(those, key=lambda trial: (improbability(task, prior, trial), trial.objective))
-
-    best = most_probable(trials)
+    best = most_probable(task, trials)
     without = [trial for trial in trials if not added_parameters(task, trial.candidate)]
     if len(without) in (0, len(trials)):
         return best
-    rival = most_probable(without)
+    rival = most_probable(task, without)
     return rival if _voltage_error(rival) < _voltage_error(best) else best
 
 
@@ -63,7 +64,7 @@ def _voltage_error(trial: Trial) -> float:
     return np.inf if np.isnan(error) else error
 
 
-def improbability(task: Task, prior: Prior, trial: Trial) -> float:
+def _improbability(task: Task, prior: Prior, trial: Trial) -> float:
     """Minus twice the logarithm of the posterior density, but for a constant; infinite for a trial that failed.
 
     The standard deviation of the residuals is not known: it is the likeliest one. Each parameter of an effect that the

@@ -229,7 +229,7 @@ class StageFit(Stage):
         self._search = self._from_here()
         self._tried_first = self._spread(choice.scan)
         if choice.adds:
-            self._tried_first.append(switched_on(task, choice.adds, start.candidate))
+            self._tried_first = [switched_on(task, choice.adds, start.candidate)]
 
     def _spread(self, count: int) -> list[Candidate]:
         """The values of a scan, one parameter moved at a time; none where fewer simulations are left."""

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from ...core.errors import did_you_mean
 from ...core.hooks import ProposeContext, RunContext, hookimpl
-from ...core.offered_effects import absent_parameters, is_offered
+from ...core.offered_effects import absent_parameters
 from ...core.parameters import Candidate
 from ...core.proposal import LACKING, Proposal
 from ...core.run.answer import answer
@@ -159,7 +159,7 @@ class StagedProposer:
         return None
 
     def _prepared(self, choice: StageChoice, context: ProposeContext) -> tuple[Stage | None, str]:
-        if choice.adds and not is_offered(context.task, choice.adds):
+        if choice.adds and choice.adds not in context.task.cell.offered:
             why = "in the model from the start" if choice.adds in context.task.cell.effects else "not offered"
             return None, f'the effect "{choice.adds}" is {why}'
         free = self._fitted_by(choice, context.task)

@@ -2,7 +2,9 @@
 
 from dataclasses import replace
 
-from ....core.effect import Effect, Evidence
+from ....core.contracts.evidence import gather
+from ....core.contracts.requests import MeasuredRecord
+from ....core.effect import Effect
 from ....core.parameters import ParameterSpace
 from ....core.scaffold import Scaffold
 from ....core.task import CellModel, Task
@@ -12,8 +14,9 @@ from ..augmentation import effects_in
 def with_offered(task: Task, scaffold: Scaffold) -> Task:
     """The task with the effects that the scaffold offers, which are absent where its search begins.
 
-    Those alone that PyBaMM's model can have and has not yet. None is offered where steps are simulated, whose durations
-    a search compares, or where no parameter has a prior. Raises `BsaError` if there is no such effect.
+    Those alone that its records can show and PyBaMM's model can have and has not yet. None is offered where steps are
+    simulated, whose durations a search compares, or where no parameter has a prior. Raises `BsaError` if there is no
+    such effect.
     """
     records = [experiment for experiment in task.experiments if not experiment.is_spectrum]
     if not scaffold.offers or scaffold.simulator.use != "pybamm" or task.cell.offered:
@@ -21,8 +24,10 @@ def with_offered(task: Task, scaffold: Scaffold) -> Task:
     if not records or not task.given_drive or not task.space.prior_weights.any():
         return task
     own = {effect.name for effect in effects_in(task.cell)}
+    measured = [MeasuredRecord(one.name, one.target, one.temperature_k, one.initial_temperature_k) for one in records]
+    evidence = gather(task.cell.model, task.cell.options, measured)
     for effect in effects_in(CellModel(task.cell.parameter_set, effects=tuple(scaffold.offers))):
-        if effect.name not in own and not effect.lacking(_evidence(task)):
+        if effect.name not in own and not effect.lacking(evidence):
             task = _with(task, effect)
     return task
 
@@ -36,8 +41,3 @@ def _with(task: Task, effect: Effect) -> Task:
         offered={**task.cell.offered, effect.entry_name: tuple(parameter.name for parameter in effect.searched)},
     )
     return replace(task, cell=cell, space=ParameterSpace((*task.space, absent, *others)))
-
-
-def _evidence(task: Task) -> Evidence:
-    """What the model is; of the records no more than that they are there."""
-    return Evidence(task.cell.model, task.cell.options, cycles=1, temperature_span_k=0.0, sampling_s=0.0)

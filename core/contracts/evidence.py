@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from ..contracts.requests import MeasuredRecord
 from ..effect import Evidence
 from ..trajectory import StepKind
+from .requests import MeasuredRecord
 
 
 def gather(model: str, options: Mapping[str, Any], measured_records: Sequence[MeasuredRecord]) -> Evidence:
