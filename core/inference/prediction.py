@@ -15,6 +15,7 @@ from ..encoding import decode_trajectory, encode_trajectory
 from ..errors import BsaError
 from ..normal import NORMAL_95
 from ..parameters import Candidate
+from ..reading.switches import begins_under_load
 from ..rms import rms
 from ..shape import shaped
 from ..signals import Signal
@@ -37,9 +38,6 @@ which a curve between fewer samples passes by. It is stored once, where a run st
 
 _WIDE = 0.1
 """Share of a signal's measured range: a band of as much predicts next to nothing."""
-
-_UNDER_LOAD = 0.05
-"""Share of a record's largest current above which its first sample is no open-circuit voltage."""
 
 _STARTS_TRIED = 2
 """Simulations that move the start of a record until its beginning is met; each leaves about a tenth."""
@@ -129,12 +127,6 @@ def decode_prediction(content: Mapping[str, Any]) -> Prediction:
         shaped(FadeBand, content["fade"]) if "fade" in content else None,
         shaped(tuple[tuple[float, float], ...], content.get("at_limit", [])),
     )
-
-
-def begins_under_load(record: Trajectory) -> bool:
-    """Whether a cell's first sample shows it under load, so that its voltage is no open-circuit voltage."""
-    current = np.abs(record.current)
-    return bool(current[0] > _UNDER_LOAD * np.max(current))
 
 
 def predict(

@@ -14,7 +14,7 @@ from ..trajectory import SECONDS_PER_HOUR, FloatArray, Step, StepKind, Trajector
 from .charge import NOTED_SHARE
 from .counters import LATE_S
 from .open_circuit import SLOW_HOURS, SLOW_SWING_V, rested_places, steady_stretches
-from .switches import STEP_SHARE, mixed_samples_note, switches
+from .switches import STEP_SHARE, begins_under_load, mixed_samples_note, switches
 
 
 @dataclass(frozen=True)
@@ -201,8 +201,7 @@ def _rests(trajectory: Trajectory, drawn: FloatArray) -> Iterator[RestRow]:
 
 def _problems(record: Record, steps: Sequence[StepRow]) -> Iterator[str]:
     trajectory = record.trajectory
-    largest = float(np.max(np.abs(trajectory.current), initial=0.0))
-    if abs(trajectory.current[0]) > 0.02 * largest:
+    if begins_under_load(trajectory):
         yield (
             f"the record starts under load ({-trajectory.current[0]:+.3g} A, positive on charge): its first voltage is "
             "no open-circuit voltage."

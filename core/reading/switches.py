@@ -19,6 +19,11 @@ taken more than the first share of its jump already, or less than the second, wi
 rest relaxes as far. At once a cell takes a third of its jump or more (its ohmic resistance over that after 10 s)."""
 
 
+_UNDER_LOAD = 0.05
+"""Share of a record's largest current above which its first sample is no open-circuit voltage: with less it is off by
+as small a share of the polarisation."""
+
+
 @dataclass(frozen=True)
 class Switch:
     """The two samples between which the current of a record goes over from one step to the next."""
@@ -45,6 +50,12 @@ def switches(record: Trajectory) -> Iterator[Switch]:
                 yield Switch(step, before, after + 1, mixed=after)
             else:
                 yield Switch(step, before, after, mixed=None)
+
+
+def begins_under_load(record: Trajectory) -> bool:
+    """Whether a cell's first sample shows it under load, so that its voltage is no open-circuit voltage."""
+    current = np.abs(record.current)
+    return bool(current[0] > _UNDER_LOAD * np.max(current))
 
 
 def resting_voltage(record: Trajectory) -> float:

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...core.inference.prediction import begins_under_load
-from ...core.reading.switches import resting_voltage, switches
+from ...core.reading.switches import begins_under_load, resting_voltage, switches
 from ...core.trajectory import StepKind, Trajectory
 
 _PROMPT_S, _NEARLY_EMPTY = 10.0, 0.1

@@ -8,8 +8,7 @@ from pathlib import Path
 from ...core.ageing.long_record import long_record
 from ...core.cell import CELL, SPECTRUM, TEMPERATURE
 from ...core.errors import BsaError
-from ...core.inference.prediction import begins_under_load
-from ...core.reading.switches import resting_voltage, without_mixed_samples
+from ...core.reading.switches import begins_under_load, resting_voltage, without_mixed_samples
 from ...core.record import Record
 from ...core.segmentation.recognised_protocol import with_switches
 from ...core.spectrum import ImpedanceSpectrum

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from bsa.core.encoding import decode_task, encode_task
 from bsa.core.errors import BsaError
-from bsa.core.inference.prediction import begins_under_load, decode_prediction, encode_prediction, predict
+from bsa.core.inference.prediction import decode_prediction, encode_prediction, predict
+from bsa.core.reading.switches import begins_under_load
 from bsa.core.run.journal import FILE_NAME, read_events
 from bsa.core.run.loop import RunResult
 from bsa.core.simulation import ExperimentRun, Outcome

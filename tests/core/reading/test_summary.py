@@ -90,6 +90,8 @@ def test_what_is_missing_is_said():
     said = " ".join(summary(record(np.full(100, 2.0))).problems)
     assert "starts under load (-2 A, positive on charge)" in said
     assert "there is no temperature of the cell" in said
+    # The offset of an ammeter is no load.
+    assert "under load" not in " ".join(summary(record(np.append(0.06, np.full(99, 2.0)))).problems)
 
 
 def test_a_resistance_is_that_between_two_samples_that_were_taken():

@@ -7,7 +7,7 @@ import bsa
 import numpy as np
 import pytest
 from bsa.core.errors import BsaError
-from bsa.core.inference.prediction import begins_under_load
+from bsa.core.reading.switches import begins_under_load
 from bsa.core.record import Record
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.experiments.read_options import reading
