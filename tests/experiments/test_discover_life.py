@@ -263,10 +263,10 @@ def test_an_effect_that_cannot_be_built_costs_only_itself(short_life: Path) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", ["diffusion", "resistance"])
-def test_the_hidden_mechanism_is_named(case: str, tmp_path: Path) -> None:
-    make(HIDDEN[case], tmp_path / "life.csv", 0, 50)
-    records = Records([tmp_path / "life.csv"], reads=[READ], fit_cycles=30)
+@pytest.mark.parametrize(("case", "cycles", "fitted"), [("diffusion", 24, 15), ("resistance", 50, 30)])
+def test_the_hidden_mechanism_is_named(case: str, cycles: int, fitted: int, tmp_path: Path) -> None:
+    make(HIDDEN[case], tmp_path / "life.csv", 0, cycles)
+    records = Records([tmp_path / "life.csv"], reads=[READ], fit_cycles=fitted)
     found = discover(discover_options(records, tmp_path / "out", parameters="Chen2020", model="SPM"))
     assert (found.verdict, found.names) == ("effect-found", (HIDDEN[case].name,))
     content = json.loads((tmp_path / "out" / "discovery.json").read_text())
