@@ -1,7 +1,9 @@
 """What records tell of the cell that is to match them: potentials, size, temperature, voltage window."""
 
+from __future__ import annotations
+
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +14,9 @@ from ...core.target import THERMODYNAMIC_FACTOR, Value, factor_name, target_name
 from ...core.task import NEAREST, CellModel, ParameterFile, ParameterSource
 from ...core.trajectory import FloatArray, Trajectory
 from .record_request import RecordRequest
+
+if TYPE_CHECKING:
+    from ...plugins.pybamm.before_search.nearest_potentials import Potentials
 
 WIDTH = "Electrode width [m]"
 
@@ -53,10 +58,6 @@ _SHEET, _CELL = 40.0, 7.0
 """Surface of a body over its volume to the power of two thirds: 5 for a sphere, 6 for a cylindrical cell, 10 to 40 for
 pouch cells, and more than 100 in sets whose surface is that of a single electrode sheet. A cell of many sheets is taken
 for a compact body."""
-
-_FAR_POTENTIALS_V = 0.05
-"""Misfit from which even the nearest published potentials are those of other materials, V: the measured cells of
-docs/real-cells-results.md left 4 to 20 mV."""
 
 _MEASURED_FACTOR = 2.2
 """Thermodynamic factor of LiPF6 in carbonates at 1 mol/l and 25 degC: 2.17 in PC:EC:DMC (Valoen and Reimers, J.
@@ -233,20 +234,29 @@ def measured_thermodynamic_factor(
 
 
 def with_chosen_potentials(
-    parameter_set: ParameterSource, wanted: str, records: Sequence[Record]
+    parameter_set: ParameterSource, wanted: str, records: Sequence[Record], corrected: bool
 ) -> tuple[ParameterSource, list[str]]:
-    """The parameter set with the potentials that were asked for, and what is to be said of them."""
-    from ...plugins.pybamm.before_search.nearest_potentials import chosen_potentials, misfit_of, with_potentials
+    """The parameter set with the potentials that were asked for, and what is to be said of them.
+
+    Where they may be ``corrected``, a slow record shows what the set's own, or those that were asked for, lack.
+    """
+    from ...plugins.pybamm.before_search.measured_potentials import FAR_V
+    from ...plugins.pybamm.before_search.nearest_potentials import chosen_potentials, own_potentials, with_potentials
 
     curve = open_circuit_curve([record.trajectory for record in records])
-    own_v = None if curve is None or parameter_set == NEAREST else misfit_of(parameter_set, curve)
-    own = ""
-    if curve is not None and own_v is not None:
-        own = f"The open-circuit potentials of {parameter_set} leave {1e3 * own_v:.1f} mV of {curve.words}"
+    own = None if curve is None or parameter_set == NEAREST else own_potentials(parameter_set, curve)
+    own_left = ""
+    if curve is not None and own is not None:
+        own_left = f"The open-circuit potentials of {parameter_set} leave {1e3 * own.rms_v:.1f} mV of {curve.words}"
     if parameter_set != NEAREST and not wanted:
-        far = own_v is not None and own_v > NEAR_POTENTIALS_V
+        if curve is None or own is None:
+            return parameter_set, []
         nearer = "--ocp nearest takes the nearest of the installed sets, --parameters nearest the rest of that set too."
-        return parameter_set, [f"{own}: {nearer}"] * far
+        said = f"{own_left}: {nearer}" if own.rms_v > NEAR_POTENTIALS_V else f"{own_left}."
+        better = own.corrected_by(curve) if corrected else own
+        if better.corrections is not None:
+            return with_potentials(parameter_set, better), [f"{said} {_corrected_words(better)}"]
+        return parameter_set, [said] * (own.rms_v > NEAR_POTENTIALS_V)
     named = "name a set with --parameters (bsa list parameters shows all)"
     without = [named] * (parameter_set == NEAREST) + ["leave --ocp out"] * bool(wanted)
     found = chosen_potentials(wanted or NEAREST, curve, " and ".join(without))
@@ -254,9 +264,13 @@ def with_chosen_potentials(
     taken = found[0]
     base = taken.positive if parameter_set == NEAREST else parameter_set
     left = f"{1e3 * taken.rms_v:.1f} mV"
-    compared = f"{own}, those of {taken} {left}" if own else f"The potentials of {taken} leave {left} of {curve.words}"
+    compared = (
+        f"{own_left}, those of {taken} {left}"
+        if own_left
+        else f"The potentials of {taken} leave {left} of {curve.words}"
+    )
     said = f"{compared}: they are taken, with electrodes balanced for them, and all else from {base}."
-    if taken.rms_v > _FAR_POTENTIALS_V:
+    if taken.rms_v > FAR_V:
         said += (
             " No pair comes near: measured cells left 4 to 20 mV. Check the sign and the unit of the current. A cell "
             "of another chemistry (sodium, lithium titanate) needs a parameter file of its own (--parameters FILE)."
@@ -265,12 +279,23 @@ def with_chosen_potentials(
     if others:
         less_left = any(other.rms_v < taken.rms_v for other in found[1:4])
         said += f" The next likeliest: {others}." + " What leaves less needs a less usual polarisation." * less_left
+    if corrected:
+        taken = taken.corrected_by(curve)
+    if taken.corrections is not None:
+        said += f" {_corrected_words(taken)}"
     chosen, notes = with_potentials(base, taken), [said]
     if parameter_set != NEAREST:
         return chosen, notes
     # The set was chosen for its potentials: the cell's rates are those of any other set as likely.
     chosen, said_of_rates = _with_usual_rates(chosen, taken.positive)
     return chosen, [*notes, *said_of_rates]
+
+
+def _corrected_words(potentials: Potentials) -> str:
+    return (
+        "They are corrected by that record, with electrodes balanced for them, and leave "
+        f"{1e3 * potentials.rms_v:.1f} mV."
+    )
 
 
 def _with_usual_rates(parameter_set: ParameterFile, base: str) -> tuple[ParameterFile, list[str]]:
@@ -289,7 +314,7 @@ def _with_usual_rates(parameter_set: ParameterFile, base: str) -> tuple[Paramete
 
 def hysteresis_note(records: Sequence[Record]) -> list[str]:
     """What is to be said of charge and discharge that are far apart where they are slow."""
-    from ...plugins.pybamm.before_search.nearest_potentials import usual_polarisation
+    from ...plugins.pybamm.before_search.balance import usual_polarisation
 
     slow = slow_curve(record.trajectory for record in records)
     if slow is None:

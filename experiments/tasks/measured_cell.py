@@ -33,6 +33,9 @@ from .spectra import ohmic_resistances
 CONTACT, RESISTANCE = "contact resistance", "Contact resistance [Ohm]"
 """PyBaMM's option for a series resistance, and its parameter."""
 
+_CORRECTION = "Negative electrode OCP correction at stoichiometry 0.5 [V]"
+"""One of the parameters by which a preset searches the shape of open-circuit potentials."""
+
 _CONTACT_SHARE = 0.6
 """Share of the voltage jump at a current step that is put down to the contacts, to start with."""
 
@@ -104,10 +107,12 @@ def _set_and_options(
     ambient_k: Sequence[float | None],
     held_out: Sequence[Record],
 ) -> tuple[ParameterSource, dict[str, Any], list[str]]:
+    from ...plugins.pybamm.before_search.presets import searches
     from ...plugins.pybamm.cells.model_options import in_pybamm_spelling
     from ...plugins.pybamm.cells.parameter_sets import load
 
-    parameter_set, notes = with_chosen_potentials(wanted.parameter_set, wanted.ocp, records)
+    corrected = not wanted.is_own_file and searches(wanted.search, _CORRECTION)
+    parameter_set, notes = with_chosen_potentials(wanted.parameter_set, wanted.ocp, records, corrected)
     notes = notes if wanted.effects else [*notes, *hysteresis_note(records)]
     values = load(parameter_set, wanted.overrides)
     options, said = with_thermal_model(

@@ -1,49 +1,26 @@
 """Which published open-circuit potentials describe a cell: those of installed sets, fitted to what records show."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from ....core.errors import BsaError, unknown
 from ....core.reading.open_circuit import OpenCircuitCurve
-from ....core.rms import rms
 from ....core.target import CellChange, ocp_name
 from ....core.task import NEAREST, ParameterFile, ParameterSource
 from ....core.trajectory import FloatArray
-from ..cells.ocp_shape import ELECTRODES, GRID, OcpCurves
+from ..cells.ocp_shape import ELECTRODES, OcpCurves
 from ..cells.parameter_files import as_json
 from ..cells.parameter_sets import load, pybamm, set_names
 from ..cells.state_of_charge import initial_concentration, maximum_concentration
-
-_STARTS = ((0.9, 0.03, 0.27, 0.9), (0.85, 0.02, 0.2, 0.95), (0.75, 0.01, 0.4, 0.98))
-"""Stoichiometries of a full and an empty cell from which a fit starts: negative, then positive electrode."""
-
-_LOWEST, _HIGHEST = (0.4, 5e-4, 5e-4, 0.5, 0.0), (0.9995, 0.3, 0.6, 0.9995, 0.3)
-"""Their bounds, and those of the polarisation, V: a cell uses most of both electrodes between its cut-offs, and what is
-farther from a published curve than a tired cell's losses at 1C is another material."""
-
-_LOSS_V, _LOSS_DEVIATION_V, _HYSTERESIS_V = 0.1, 0.07, 0.01
-"""Polarisation of a charge or discharge of an hour (or less) and its standard deviation, V, of slower ones in
-proportion to the current; and what the hysteresis of the potentials adds to the deviation at any rate.
-
-One discharge does not tell polarisation from potentials that are higher by as much at all charges. With nothing known
-of it the NMC pouch cell got 163 mV at C/20, potentials of another NMC, and electrodes a tenth too large; and other ones
-at C/2 and 1C. Now all three records choose the potentials of Mohtat2020's positive electrode, as they do with half the
-mean and with half the deviation. With twice the mean two of them choose Ecker2015's, with twice the deviation one does.
-The choices for the Panasonic cell and the LG M50 stay in all of these.
-"""
-
-_MISFIT_V, _PIECES = 0.01, 10
-"""What potentials of a cell's own chemistry leave, V, and parts of a curve in which this is independent: so much does
-the curve tell of the polarisation."""
-
-_EVALUATIONS = 100
-"""Steps of such a fit at most: a pair that describes the cell needs twenty."""
+from .balance import Balance, balanced
+from .measured_potentials import Corrections, corrections, lacks
 
 _NO_LITHIUM = ("Chayambuka2022",)
 """Installed sets of sodium-ion cells: PyBaMM's sets do not say it."""
@@ -52,33 +29,41 @@ _MOST = 0.95
 """Largest volume fraction of active material."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Potentials:
-    """Open-circuit potentials of two published electrodes, balanced as a measured cell shows them."""
+    """Open-circuit potentials of two electrodes, balanced as a measured cell shows them."""
 
     # negative, positive: The sets that they are from.
     negative: str
     positive: str
-    rms_v: float  # What they leave of the measured curve, V.
-    cost: float  # Squared deviations of that and of the polarisation: the less, the likelier.
-    # Of each electrode, at the fullest and at the emptiest point of that record.
-    stoichiometry: Mapping[str, tuple[float, float]]
+    curves: Mapping[str, FloatArray]  # By electrode, on `GRID`, V.
+    balance: Balance  # Where the electrodes work along the measured curve, and what is left of that.
+    corrections: Corrections | None = None  # What a slow curve shows that the sets lack.
+
+    @property
+    def rms_v(self) -> float:
+        """What they leave of the measured curve, V."""
+        return self.balance.rms_v
 
     @property
     def sets(self) -> Mapping[str, str]:
         """The set of each electrode."""
         return {"Negative": self.negative, "Positive": self.positive}
 
+    def corrected_by(self, curve: OpenCircuitCurve) -> Potentials:
+        """The same with the corrections that a curve shows, and balanced with them.
+
+        As they are if polarisation explains what they leave, or if they are those of other materials.
+        """
+        if not lacks(curve, self.balance):
+            return self
+        found = corrections(curve, self.curves, self.balance)
+        return replace(self, balance=found.balance, corrections=found)
+
     def __str__(self) -> str:
         if self.negative == self.positive:
             return self.negative
         return f"{self.negative} (negative) and {self.positive} (positive)"
-
-
-def usual_polarisation(curve: OpenCircuitCurve) -> tuple[float, float]:
-    """Mean and standard deviation of the polarisation that is usual at the current of a curve, V."""
-    rate = 1.0 / max(curve.hours, 1.0)
-    return _LOSS_V * rate, _LOSS_DEVIATION_V * rate
 
 
 def chosen_potentials(
@@ -109,8 +94,8 @@ def chosen_potentials(
     found = []
     for negative, positive in product(*chosen):
         pair = {"Negative": known["Negative"][negative], "Positive": known["Positive"][positive]}
-        found.append(Potentials(negative, positive, *_balanced(curve, pair)))
-    return sorted(found, key=lambda potentials: potentials.cost)
+        found.append(Potentials(negative, positive, pair, balanced(curve, pair)))
+    return sorted(found, key=lambda potentials: potentials.balance.cost)
 
 
 @cache
@@ -134,36 +119,14 @@ def distinct(curves: Mapping[str, FloatArray]) -> list[str]:
     return names
 
 
-def _balanced(
-    curve: OpenCircuitCurve, pair: Mapping[str, FloatArray]
-) -> tuple[float, float, dict[str, tuple[float, float]]]:
-    """Misfit, V (rms), cost, and stoichiometries at which two potentials describe the curve best."""
-    usual_v, deviation_v = usual_polarisation(curve)
-    deviation_v = math.hypot(deviation_v, _HYSTERESIS_V)
-    unit = _MISFIT_V * math.sqrt(len(curve.share) / _PIECES)
-
-    def misfit(at: FloatArray) -> FloatArray:
-        x, y = at[0] + (at[1] - at[0]) * curve.share, at[2] + (at[3] - at[2]) * curve.share
-        open_circuit = np.interp(y, GRID, pair["Positive"]) - np.interp(x, GRID, pair["Negative"])
-        off = open_circuit - curve.polarised * at[4] - curve.voltage
-        return np.append(off / unit, (at[4] - usual_v) / deviation_v)
-
-    fits = [
-        least_squares(misfit, (*start, usual_v), bounds=(_LOWEST, _HIGHEST), max_nfev=_EVALUATIONS) for start in _STARTS
-    ]
-    best = min(fits, key=lambda fit: float(fit.cost))
-    full_n, empty_n, full_p, empty_p, _ = (float(value) for value in best.x)
-    rms_v = unit * rms(best.fun[:-1])
-    return rms_v, 2.0 * float(best.cost), {"Negative": (full_n, empty_n), "Positive": (full_p, empty_p)}
-
-
-def misfit_of(base: ParameterSource, curve: OpenCircuitCurve) -> float | None:
-    """What a set's own potentials leave of a measured curve, V; None if it has none."""
+def own_potentials(base: ParameterSource, curve: OpenCircuitCurve) -> Potentials | None:
+    """A set's own potentials, balanced as a measured curve shows; None if it has none."""
     values = load(base)
     if not all(callable(values[ocp_name(which)]) for which in ELECTRODES):
         return None
     own = OcpCurves(values)
-    return _balanced(curve, {which: own.curve(which, CellChange()) for which in ELECTRODES})[0]
+    pair = {which: own.curve(which, CellChange()) for which in ELECTRODES}
+    return Potentials(str(base), str(base), pair, balanced(curve, pair))
 
 
 def with_potentials(base: ParameterSource, found: Potentials) -> ParameterFile:
@@ -178,13 +141,19 @@ def with_potentials(base: ParameterSource, found: Potentials) -> ParameterFile:
     larger: dict[str, float] = {}
     for which, fraction in fractions.items():
         highest = float(values[maximum_concentration(which)])
-        full, empty = found.stoichiometry[which]
+        full, empty = found.balance.stoichiometry[which]
         own = float(values[fraction]) * float(values[f"{which} electrode thickness [m]"]) * highest
         larger[which] = 1.0 / (abs(full - empty) * own)
         values.update({initial_concentration(which): full * highest})
-        values.update({ocp_name(which): load(found.sets[which])[ocp_name(which)]})
+        if found.sets[which] != str(base):
+            values.update({ocp_name(which): load(found.sets[which])[ocp_name(which)]})
+    if found.corrections is not None:
+        found.corrections.correct(values)
     mean = math.sqrt(math.prod(larger.values()))
     wanted = {fraction: float(values[fraction]) * larger[which] / mean for which, fraction in fractions.items()}
     room = min(1.0, _MOST / max(wanted.values()))
     values.update({fraction: room * value for fraction, value in wanted.items()})
-    return ParameterFile(f"{base} with the potentials of {found}", "parameter-values", as_json(values))
+    name = f"{base} with the potentials of {found}"
+    if found.corrections is not None:
+        name = f"{base} with its potentials corrected" if str(found) == str(base) else f"{name}, corrected"
+    return ParameterFile(name, "parameter-values", as_json(values))

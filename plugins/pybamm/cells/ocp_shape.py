@@ -28,13 +28,15 @@ _LEAST_SLOPE = 0.1
 """Share of its own slope that a potential keeps: one that is flat would not tell the state of charge any more."""
 
 
-def bump(stoichiometry: Any, centre: Any) -> Any:
+def bump(stoichiometry: Any, centre: Any, width: float = BUMP_WIDTH) -> Any:
     """A bump of height 1: Gaussian in ``ln(x / (1 - x))``, for arrays and PyBaMM symbols alike."""
     distance = np.log(stoichiometry / (1 - stoichiometry)) - np.log(centre / (1 - centre))
-    return np.exp(-0.5 * (distance / BUMP_WIDTH) ** 2)
+    return np.exp(-0.5 * (distance / width) ** 2)
 
 
-def corrected(potential: Callable[..., Any], heights: Mapping[float, Any]) -> Callable[..., Any]:
+def corrected(
+    potential: Callable[..., Any], heights: Mapping[float, Any], width: float = BUMP_WIDTH
+) -> Callable[..., Any]:
     """An open-circuit potential with bumps added to it.
 
     The potential is a function of the stoichiometry, V; ``heights``, V, are by the stoichiometry of each bump.
@@ -42,7 +44,8 @@ def corrected(potential: Callable[..., Any], heights: Mapping[float, Any]) -> Ca
 
     def ocp(stoichiometry: Any) -> Any:
         return sum(
-            (height * bump(stoichiometry, centre) for centre, height in heights.items()), potential(stoichiometry)
+            (height * bump(stoichiometry, centre, width) for centre, height in heights.items()),
+            potential(stoichiometry),
         )
 
     return ocp
@@ -83,12 +86,22 @@ class OcpCurves:
             targets = [target for target in heights if target.electrode == which]
             if not targets:
                 continue
-            own = np.interp(_CHECKED, GRID, self._own[which]) * change.factors.get(ocp_name(which), 1.0)
-            room = (1.0 - _LEAST_SLOPE) * np.maximum(-np.gradient(own, _CHECKED), 0.0)
-            slopes = np.column_stack([np.gradient(bump(_CHECKED, t.stoichiometry), _CHECKED) for t in targets])
-            nearest = _nearest_within(np.array([heights[target] for target in targets]), slopes, room)
+            room = room_to_rise(self._own[which] * change.factors.get(ocp_name(which), 1.0))
+            slopes = slopes_of_bumps(np.array([target.stoichiometry for target in targets]))
+            nearest = nearest_within(np.array([heights[target] for target in targets]), slopes, room)
             heights.update(zip(targets, nearest.tolist(), strict=True))
         return replace(change, ocp_shape=heights)
+
+
+def room_to_rise(potential: FloatArray) -> FloatArray:
+    """How steep corrections of a potential, on `GRID`, may rise with stoichiometry, V, where they are looked at."""
+    own = np.interp(_CHECKED, GRID, potential)
+    return np.asarray((1.0 - _LEAST_SLOPE) * np.maximum(-np.gradient(own, _CHECKED), 0.0))
+
+
+def slopes_of_bumps(centres: FloatArray, width: float = BUMP_WIDTH) -> FloatArray:
+    """Slopes of bumps of height 1 where they are looked at, V; a column for each."""
+    return np.column_stack([np.gradient(bump(_CHECKED, centre, width), _CHECKED) for centre in centres])
 
 
 def keeping_ocp_falling(values: Any, targets: Mapping[str, Target]) -> Callable[[CellChange], CellChange]:
@@ -107,7 +120,7 @@ def by_curve(shapes: Mapping[OcpShape, Any] | Mapping[DiffusivityShape, Any]) ->
     return found
 
 
-def _nearest_within(point: FloatArray, rows: FloatArray, room: FloatArray) -> FloatArray:
+def nearest_within(point: FloatArray, rows: FloatArray, room: FloatArray) -> FloatArray:
     """The point nearest to ``point`` at which ``rows @ point <= room``, where ``room >= 0``."""
     left = room - rows @ point
     if np.all(left >= 0.0):

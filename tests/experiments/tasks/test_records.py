@@ -21,7 +21,7 @@ from bsa.experiments.tasks.cell_for_records import WIDTH, volume_and_surface, wi
 from bsa.experiments.tasks.measured_cell import CONTACT, RESISTANCE, CellRequest
 from bsa.experiments.tasks.record_request import RECOGNISED, RecordRequest
 from bsa.experiments.tasks.records import build_task, holding_out
-from bsa.plugins.pybamm.cells.parameter_files import as_json
+from bsa.plugins.pybamm.cells.parameter_files import as_json, parsed
 from bsa.plugins.pybamm.cells.parameter_sets import load
 from bsa.plugins.pybamm.cells.state_of_charge import InitialState, equilibrium_capacity_ah
 
@@ -322,13 +322,23 @@ def slow_discharge(hours: float = 20.0) -> Record:
 
 
 def test_the_potentials_of_another_set_are_offered_and_taken_where_that_is_asked() -> None:
-    kept = task_of(slow_discharge())
+    kept = task_of(slow_discharge(), search={WIDTH: {"factors": [0.5, 2.0]}})
     assert kept.cell.parameter_set == "Chen2020"
     assert any("--ocp nearest" in note for note in kept.notes)
+    assert not any("corrected" in note for note in kept.notes)
     taken = task_of(slow_discharge(), ocp="Ecker2015")
     assert str(taken.cell.parameter_set) == "Chen2020 with the potentials of Ecker2015"
     assert any("those of Ecker2015 0." in note for note in taken.notes)
     assert not any("--ocp" in note for note in taken.notes)
+
+
+def test_a_slow_record_corrects_the_potentials_of_a_named_set_where_a_preset_searches_them() -> None:
+    task = build_task("t", CellRequest("Mohtat2020", "SPM"), [RecordRequest(slow_discharge())])
+    assert str(task.cell.parameter_set) == "Mohtat2020 with its potentials corrected"
+    assert any("Mohtat2020 leave" in note and "corrected by that record" in note for note in task.notes)
+    with_own = parsed("own.json", as_json(load("Mohtat2020")))
+    kept = build_task("t", CellRequest(with_own, "SPM"), [RecordRequest(slow_discharge())])
+    assert kept.cell.parameter_set == with_own
 
 
 @pytest.mark.slow
@@ -351,15 +361,15 @@ def test_without_a_slow_record_a_discharge_at_1c_tells_the_set_and_a_note_says_s
 def test_that_no_published_potentials_come_near_is_said() -> None:
     slow = slow_discharge()
     titanate = replace(slow, trajectory=slow.trajectory.changed(voltage=slow.trajectory.voltage - 1.5))
-    assert any("No pair comes near" in note for note in with_chosen_potentials("nearest", "", [titanate])[1])
-    assert not any("No pair comes near" in note for note in with_chosen_potentials("nearest", "", [slow])[1])
+    assert any("No pair comes near" in note for note in with_chosen_potentials("nearest", "", [titanate], True)[1])
+    assert not any("No pair comes near" in note for note in with_chosen_potentials("nearest", "", [slow], True)[1])
 
 
 def test_rates_of_the_nearest_set_that_are_far_from_all_others_are_replaced_and_those_of_a_named_set_kept() -> None:
-    nearest = with_chosen_potentials("nearest", "NCA_Kim2011", [slow_discharge()])
+    nearest = with_chosen_potentials("nearest", "NCA_Kim2011", [slow_discharge()], True)
     assert str(nearest[0]).endswith("with usual rates")
     assert any("negative particle diffusivity times 0.028" in note for note in nearest[1])
-    named = with_chosen_potentials("NCA_Kim2011", "NCA_Kim2011", [slow_discharge()])
+    named = with_chosen_potentials("NCA_Kim2011", "NCA_Kim2011", [slow_discharge()], True)
     assert not str(named[0]).endswith("with usual rates")
 
 
@@ -414,7 +424,7 @@ def test_a_slow_charge_far_above_the_discharge_is_a_hysteresis(gap_v: float, sai
 )
 def test_where_every_record_is_fast_what_was_asked_for_is_to_be_left_out(parameter_set, ocp, hint):
     with pytest.raises(BsaError, match="at 1C or less") as found:
-        with_chosen_potentials(parameter_set, ocp, [slow_discharge(hours=0.5)])
+        with_chosen_potentials(parameter_set, ocp, [slow_discharge(hours=0.5)], True)
     assert found.value.hint.endswith(hint)
 
 

@@ -13,7 +13,7 @@ from bsa.core.target import CellChange
 from bsa.core.trajectory import Step, StepKind, Trajectory
 from bsa.plugins.pybamm.before_search.nearest_potentials import (
     chosen_potentials,
-    misfit_of,
+    own_potentials,
     with_potentials,
 )
 from bsa.plugins.pybamm.cells.parameter_sets import load
@@ -52,9 +52,9 @@ def test_the_potentials_of_the_set_that_made_the_record_are_nearest() -> None:
     assert found[1].rms_v > 3 * found[0].rms_v
     record = open_circuit_curve([slow("Ecker2015", 0.005)])
     assert record is not None
-    own = misfit_of("Chen2020", record)
+    own = own_potentials("Chen2020", record)
     assert own is not None
-    assert own > 0.015
+    assert own.rms_v > 0.015
 
 
 @pytest.mark.slow
@@ -62,12 +62,12 @@ def test_a_slow_discharge_is_not_taken_for_that_of_a_strongly_polarised_cell() -
     """What lies 0.15 V lower at C/20 has other potentials: with the same ones the electrodes would be too large."""
     record = open_circuit_curve([slow("Ecker2015", 0.15)])
     assert record is not None
-    own = misfit_of("Ecker2015", record)
+    own = own_potentials("Ecker2015", record)
     assert own is not None
-    assert own > 0.01
-    faster = misfit_of("Ecker2015", replace(record, hours=1.0))
+    assert own.rms_v > 0.01
+    faster = own_potentials("Ecker2015", replace(record, hours=1.0))
     assert faster is not None
-    assert faster < 1e-3
+    assert faster.rms_v < 1e-3
 
 
 def test_halfway_between_charge_and_discharge_is_the_open_circuit() -> None:
@@ -146,3 +146,34 @@ def test_rests_of_a_pulse_test_tell_the_potentials() -> None:
     assert curve.words == "the voltages at the end of 12 rests"
     found = chosen_potentials("nearest", curve)[0]
     assert (found.positive, found.rms_v < 2e-3) == ("Ecker2015", True)
+
+
+def test_a_slow_record_corrects_the_potentials_of_another_maker() -> None:
+    record = slow("Mohtat2020", 0.0)
+    curve = open_circuit_curve([record])
+    assert curve is not None
+    own = own_potentials("Ecker2015", curve)
+    assert own is not None
+    better = own.corrected_by(curve)
+    assert better.rms_v < 0.4 * own.rms_v
+    left = []
+    for found in (own, better):
+        combined = with_potentials("Ecker2015", found)
+        values = load(combined)
+        state = InitialState(values)
+        scale = np.ptp(record.discharge_capacity) / equilibrium_capacity_ah(combined, {})
+        area = values["Electrode width [m]"] * values["Electrode height [m]"] * scale / 0.98
+        shown = state.voltages(
+            CellChange(), state.soc_at(float(record.voltage[0])), record.discharge_capacity * 3600.0 / FARADAY / area
+        )
+        left.append(float(np.sqrt(np.mean((shown - record.voltage)[:-20] ** 2))))
+    assert left[1] < 0.7 * left[0]
+    assert "Ecker2015 with its potentials corrected" in str(combined)
+
+
+def test_a_record_that_is_not_slow_corrects_nothing() -> None:
+    curve = open_circuit_curve([slow("Mohtat2020", 0.0)])
+    assert curve is not None
+    own = own_potentials("Ecker2015", curve)
+    assert own is not None
+    assert own.corrected_by(replace(curve, hours=1.0)) is own
