@@ -163,6 +163,22 @@ def test_the_script_alone_gives_the_curve_of_the_final_score(case, tmp_path):
     assert abs(np.trapezoid(current, time) - np.trapezoid(wanted.trajectory.current, wanted.trajectory.time)) < 40.0
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("amperes", [5.0, 10.0])
+def test_a_cell_that_runs_empty_before_its_record_ends_is_simulated_until_then(amperes, tmp_path):
+    time = np.linspace(0.0, 3.0 * 18000.0 / amperes, 200)
+    step = (Step(StepKind.CC_DISCHARGE, 0, len(time)),)
+    record = Trajectory(time, np.full(len(time), amperes), np.full(len(time), 3.0), None, step)
+    task = task_of(CellModel("Chen2020"), Experiment("deep", record, initial_soc=0.5), RADIUS)
+    path = tmp_path / "best_parameters.py"
+    path.write_text(script(task, {RADIUS: 5.22e-6}), encoding="utf-8")
+    done = subprocess.run([sys.executable, str(path)], capture_output=True, text=True, check=True, cwd=tmp_path)
+    assert f"of {time[-1]:.0f} s: the simulated cell was empty or full there" in done.stdout
+    reached = re.search(r"'deep': (\d+) s", done.stdout)
+    assert reached is not None
+    assert 0.2 < float(reached[1]) * amperes / 18000.0 < 0.6
+
+
 def test_lithium_of_a_cell_that_starts_where_its_set_does_is_in_the_script():
     experiment = Experiment("short", NOTHING, (("Discharge at 1C for 1 minute",),))
     task = task_of(CellModel("Chen2020", "SPM"), experiment, CYCLABLE_LITHIUM)
