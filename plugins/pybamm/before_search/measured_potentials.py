@@ -36,6 +36,11 @@ _MIDDLE, _END = 3.0, 4.6
 """Up to where the middle reaches and from where the ends begin, as ``ln(x / (1 - x))``: stoichiometries 0.05 and 0.01
 (0.95 and 0.99)."""
 
+_AHEAD_H = 0.2
+"""By how much the surface of a particle is ahead of its mean, as a share of the charge at a current of one charge an
+hour; in proportion to the current 1 % at C/20. By diffusion it is R^2 / 15 D over an hour, 0.05 to 0.3 in graphites
+and layered oxides. Where a cell runs empty this moves its voltage by tenths of a volt, which are no potential's."""
+
 _LEAST_V = 0.001
 """What a curve is off by at least at each of its points, V: its digits, and what hours of rest have not reached."""
 
@@ -74,11 +79,11 @@ class Corrections:
 
 def lacks(curve: OpenCircuitCurve, balance: Balance) -> bool:
     """Whether two potentials, balanced, are off a curve by more than polarisation explains, and yet near it."""
-    return _UNLIKELY * _off_by(curve) < balance.rms_v < FAR_V
+    return _UNLIKELY * _polarisation_v(curve) < balance.rms_v < FAR_V
 
 
-def _off_by(curve: OpenCircuitCurve) -> float:
-    """What a curve may be off by at each of its points, V: its polarisation changes along it.
+def _polarisation_v(curve: OpenCircuitCurve) -> float:
+    """By how much the polarisation of a curve changes along it, V.
 
     By as much as the polarisation of one cell differs from that of another: 3.5 mV at C/20, 7 mV at C/10.
     """
@@ -86,12 +91,19 @@ def _off_by(curve: OpenCircuitCurve) -> float:
     return max(deviation_v, _LEAST_V)
 
 
+def _off_by(curve: OpenCircuitCurve) -> FloatArray:
+    """What a curve may be off by at each of its points, V, shape (n,)."""
+    ahead = _AHEAD_H / curve.hours * np.abs(np.gradient(curve.voltage, curve.share))
+    return np.hypot(_polarisation_v(curve), ahead)
+
+
 def corrections(curve: OpenCircuitCurve, pair: Mapping[str, FloatArray], begin: Balance) -> Corrections:
     """The likeliest corrections of two potentials, on `GRID`, with which they describe a curve.
 
-    They and their balance are fitted together, from the balance without them, ``begin``, on. The potentials keep
-    falling with stoichiometry: of corrections that would not let them, the nearest that do are taken, as the curve and
-    the priors measure the distance.
+    They and their balance are fitted together, from the balance without them, ``begin``, on; what they leave is a mean
+    in which each point counts by what the curve may be off by there. The potentials keep falling with stoichiometry:
+    of corrections that would not let them, the nearest that do are taken, as the curve and the priors measure the
+    distance.
     """
     off_by = _off_by(curve)
 
@@ -107,11 +119,12 @@ def corrections(curve: OpenCircuitCurve, pair: Mapping[str, FloatArray], begin: 
     at, heights = found.x[:5], found.x[5:]
     effect = _effect(curve, at)
     # Distances as the cost of the fit has them: its Cholesky factor makes them those of the plane.
-    factor = np.linalg.cholesky(effect.T @ effect / off_by**2 + np.diag(_DEVIATIONS**-2.0)).T
+    seen = effect / off_by[:, None]
+    factor = np.linalg.cholesky(seen.T @ seen + np.diag(_DEVIATIONS**-2.0)).T
     slopes = block_diag(*[slopes_of_bumps(_CENTRES, _WIDTH) for _ in ELECTRODES])
     room = np.concatenate([room_to_rise(pair[which]) for which in ELECTRODES])
     heights = np.linalg.solve(factor, nearest_within(factor @ heights, slopes @ np.linalg.inv(factor), room))
-    left_v = rms(off_curve(curve, pair, at) + effect @ heights)
+    left_v = rms((off_curve(curve, pair, at) + effect @ heights) / off_by) / rms(1.0 / off_by)
     return Corrections(Balance(at, left_v, 2.0 * float(found.cost)), _by_electrode(heights))
 
 
