@@ -25,6 +25,17 @@ TABLES: dict[str, Callable[[Results], str]] = {
             "ended early": "{failure}",
         },
     ),
+    # Errors of one cell's fit, without and with potentials that a slow curve has corrected.
+    "corrected-potentials": Plain(
+        "corrected_potentials",
+        2,
+        {
+            "record": "{record}",
+            "": "{role}",
+            "rms / mV": "{without_mv:brief} → {rms_mv:brief}",
+            "over 99 % of the time / mV": "{without_99_mv:brief} → {rms_99_mv:brief}",
+        },
+    ),
     # Mean voltage errors of the same fits, by whether a knee counts by all of its error.
     "knees": by_cell.TwoWays("knees", ("usual_mv", "rms_mv")),
     "nearest-potentials": by_cell.nearest_potentials,
