@@ -153,7 +153,7 @@ def with_potentials(base: ParameterSource, found: Potentials) -> ParameterFile:
     wanted = {fraction: float(values[fraction]) * larger[which] / mean for which, fraction in fractions.items()}
     room = min(1.0, _MOST / max(wanted.values()))
     values.update({fraction: room * value for fraction, value in wanted.items()})
-    name = f"{base} with the potentials of {found}"
+    whose = f"the potentials of {found}"
     if found.corrections is not None:
-        name = f"{base} with its potentials corrected" if str(found) == str(base) else f"{name}, corrected"
-    return ParameterFile(name, "parameter-values", as_json(values))
+        whose = "corrected potentials" if str(found) == str(base) else f"the corrected potentials of {found}"
+    return ParameterFile(f"{base} with {whose}", "parameter-values", as_json(values))

@@ -334,7 +334,7 @@ def test_the_potentials_of_another_set_are_offered_and_taken_where_that_is_asked
 
 def test_a_slow_record_corrects_the_potentials_of_a_named_set_where_a_preset_searches_them() -> None:
     task = build_task("t", CellRequest("Mohtat2020", "SPM"), [RecordRequest(slow_discharge())])
-    assert str(task.cell.parameter_set) == "Mohtat2020 with its potentials corrected"
+    assert str(task.cell.parameter_set) == "Mohtat2020 with corrected potentials"
     assert any("Mohtat2020 leave" in note and "corrected by that record" in note for note in task.notes)
     with_own = parsed("own.json", as_json(load("Mohtat2020")))
     kept = build_task("t", CellRequest(with_own, "SPM"), [RecordRequest(slow_discharge())])

@@ -168,7 +168,7 @@ def test_a_slow_record_corrects_the_potentials_of_another_maker() -> None:
         )
         left.append(float(np.sqrt(np.mean((shown - record.voltage)[:-20] ** 2))))
     assert left[1] < 0.7 * left[0]
-    assert "Ecker2015 with its potentials corrected" in str(combined)
+    assert "Ecker2015 with corrected potentials" in str(combined)
 
 
 def test_a_record_that_is_not_slow_corrects_nothing() -> None:
