@@ -251,12 +251,8 @@ def with_chosen_potentials(
     if parameter_set != NEAREST and not wanted:
         if curve is None or own is None:
             return parameter_set, []
-        nearer = "--ocp nearest takes the nearest of the installed sets, --parameters nearest the rest of that set too."
-        said = f"{own_left}: {nearer}" if own.rms_v > NEAR_POTENTIALS_V else f"{own_left}."
         better = own.corrected_by(curve) if corrected else own
-        if better.corrections is not None:
-            return with_potentials(parameter_set, better), [f"{said} {_corrected_words(better)}"]
-        return parameter_set, [said] * (own.rms_v > NEAR_POTENTIALS_V)
+        return _with_own_potentials(parameter_set, better, own.rms_v, own_left)
     named = "name a set with --parameters (bsa list parameters shows all)"
     without = [named] * (parameter_set == NEAREST) + ["leave --ocp out"] * bool(wanted)
     found = chosen_potentials(wanted or NEAREST, curve, " and ".join(without))
@@ -291,9 +287,29 @@ def with_chosen_potentials(
     return chosen, [*notes, *said_of_rates]
 
 
+def _with_own_potentials(
+    parameter_set: ParameterSource, own: Potentials, before_v: float, left: str
+) -> tuple[ParameterSource, list[str]]:
+    """A set with its own potentials, corrected or as they are, and what is to be said of them.
+
+    ``before_v`` is what they left of the curve before they were corrected, V; ``left`` says so.
+    """
+    from ...plugins.pybamm.before_search.nearest_potentials import with_potentials
+
+    said = f"{left}."
+    if before_v > NEAR_POTENTIALS_V:
+        said = (
+            f"{left}: --ocp nearest takes the nearest of the installed sets, --parameters nearest the rest of that set "
+            "too."
+        )
+    if own.corrections is not None:
+        return with_potentials(parameter_set, own), [f"{said} {_corrected_words(own)}"]
+    return parameter_set, [said] * (before_v > NEAR_POTENTIALS_V)
+
+
 def _corrected_words(potentials: Potentials) -> str:
     return (
-        "They are corrected by that record, with electrodes balanced for them, and leave "
+        "The potentials are corrected by that record, with electrodes balanced for them; but for its ends they leave "
         f"{1e3 * potentials.rms_v:.1f} mV."
     )
 
