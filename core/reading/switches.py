@@ -18,7 +18,6 @@ _EARLY_V_SHARE, _LATE_V_SHARE, _PROMPT_S = 0.3, 0.1, 10.0
 taken more than the first share of its jump already, or less than the second, within this time in s. Over a longer one a
 rest relaxes as far. At once a cell takes a third of its jump or more (its ohmic resistance over that after 10 s)."""
 
-
 _UNDER_LOAD = 0.05
 """Share of a record's largest current above which its first sample is no open-circuit voltage: with less it is off by
 as small a share of the polarisation."""

@@ -251,8 +251,7 @@ def with_chosen_potentials(
     if parameter_set != NEAREST and not wanted:
         if curve is None or own is None:
             return parameter_set, []
-        better = own.corrected_by(curve) if corrected else own
-        return _with_own_potentials(parameter_set, better, own.rms_v, own_left)
+        return _with_own_potentials(parameter_set, own.corrected_by(curve) if corrected else own, own_left)
     named = "name a set with --parameters (bsa list parameters shows all)"
     without = [named] * (parameter_set == NEAREST) + ["leave --ocp out"] * bool(wanted)
     found = chosen_potentials(wanted or NEAREST, curve, " and ".join(without))
@@ -288,23 +287,23 @@ def with_chosen_potentials(
 
 
 def _with_own_potentials(
-    parameter_set: ParameterSource, own: Potentials, before_v: float, left: str
+    parameter_set: ParameterSource, own: Potentials, left: str
 ) -> tuple[ParameterSource, list[str]]:
     """A set with its own potentials, corrected or as they are, and what is to be said of them.
 
-    ``before_v`` is what they left of the curve before they were corrected, V; ``left`` says so.
+    ``left`` says what they leave of the curve uncorrected.
     """
     from ...plugins.pybamm.before_search.nearest_potentials import with_potentials
 
-    said = f"{left}."
-    if before_v > NEAR_POTENTIALS_V:
+    said, far = f"{left}.", own.uncorrected.rms_v > NEAR_POTENTIALS_V
+    if far:
         said = (
             f"{left}: --ocp nearest takes the nearest of the installed sets, --parameters nearest the rest of that set "
             "too."
         )
     if own.corrections is not None:
         return with_potentials(parameter_set, own), [f"{said} {_corrected_words(own)}"]
-    return parameter_set, [said] * (before_v > NEAR_POTENTIALS_V)
+    return parameter_set, [said] * far
 
 
 def _corrected_words(potentials: Potentials) -> str:

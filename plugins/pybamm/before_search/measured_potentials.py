@@ -23,8 +23,8 @@ from .balance import HIGHEST, LOWEST, Balance, along, off_curve, unusual, usual_
 
 _WIDTH, _APART = 0.6, 0.9
 """Standard deviation of a correction's bumps and their distance, in ``ln(x / (1 - x))``. Of three cells' curves at C/20
-(an LFP cell, the NMC pouch and the Panasonic cell) 1.9, 1.1 and 1.8 mV are left; with 0.9 and 1.4, the bumps of a
-search, 3.5, 2.2 and 5.6; with 0.45 and 0.65 1.5, 0.8 and 1.4."""
+(an LFP cell, the NMC pouch and the Panasonic cell) 1.0, 1.1 and 1.7 mV are left; with 0.9 and 1.4, the bumps of a
+search, 1.4, 2.2 and 3.1; with 0.45 and 0.65 0.8, 1.0 and 1.4."""
 
 _OUTERMOST = 6.5
 """Place of the last bumps, as ``ln(x / (1 - x))``: a stoichiometry of 0.0015 from either end."""
@@ -38,8 +38,9 @@ _MIDDLE, _END = 3.0, 4.6
 
 _AHEAD_H = 0.2
 """By how much the surface of a particle is ahead of its mean, as a share of the charge at a current of one charge an
-hour; in proportion to the current 1 % at C/20. By diffusion it is R^2 / 15 D over an hour, 0.05 to 0.3 in graphites
-and layered oxides. Where a cell runs empty this moves its voltage by tenths of a volt, which are no potential's."""
+hour; in proportion to the current 1 % at C/20. By diffusion it is R^2 / 15 D over an hour, in most electrodes of the
+installed sets 0.01 to 0.3, and the larger ones count. Where a cell runs empty the voltage moves by tenths of a volt
+with it: there the curve is not that of the potentials."""
 
 _LEAST_V = 0.001
 """What a curve is off by at least at each of its points, V: its digits, and what hours of rest have not reached."""

@@ -37,8 +37,13 @@ class Potentials:
     negative: str
     positive: str
     curves: Mapping[str, FloatArray]  # By electrode, on `GRID`, V.
-    balance: Balance  # Where the electrodes work along the measured curve, and what is left of that.
+    uncorrected: Balance  # Where the electrodes work along the measured curve, and what is left of that.
     corrections: Corrections | None = None  # What a slow curve shows that the sets lack.
+
+    @property
+    def balance(self) -> Balance:
+        """Where the electrodes work along the measured curve, with the corrections if there are any."""
+        return self.uncorrected if self.corrections is None else self.corrections.balance
 
     @property
     def rms_v(self) -> float:
@@ -55,10 +60,9 @@ class Potentials:
 
         As they are if polarisation explains what they leave, or if they are those of other materials.
         """
-        if not lacks(curve, self.balance):
+        if not lacks(curve, self.uncorrected):
             return self
-        found = corrections(curve, self.curves, self.balance)
-        return replace(self, balance=found.balance, corrections=found)
+        return replace(self, corrections=corrections(curve, self.curves, self.uncorrected))
 
     def __str__(self) -> str:
         if self.negative == self.positive:
@@ -95,7 +99,7 @@ def chosen_potentials(
     for negative, positive in product(*chosen):
         pair = {"Negative": known["Negative"][negative], "Positive": known["Positive"][positive]}
         found.append(Potentials(negative, positive, pair, balanced(curve, pair)))
-    return sorted(found, key=lambda potentials: potentials.balance.cost)
+    return sorted(found, key=lambda potentials: potentials.uncorrected.cost)
 
 
 @cache

@@ -179,6 +179,15 @@ def test_a_cell_that_runs_empty_before_its_record_ends_is_simulated_until_then(a
     assert 0.2 < float(reached[1]) * amperes / 18000.0 < 0.6
 
 
+@pytest.mark.slow
+def test_a_protocol_that_cannot_be_followed_is_not_passed_over(tmp_path):
+    experiment = Experiment("long", NOTHING, (("Discharge at 1C for 5 hours",),), initial_soc=0.5)
+    path = tmp_path / "best_parameters.py"
+    path.write_text(script(task_of(CellModel("Chen2020", "SPM"), experiment, RADIUS), {RADIUS: 5.22e-6}), "utf-8")
+    done = subprocess.run([sys.executable, str(path)], capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert "infeasible" in done.stdout + done.stderr
+
+
 def test_lithium_of_a_cell_that_starts_where_its_set_does_is_in_the_script():
     experiment = Experiment("short", NOTHING, (("Discharge at 1C for 1 minute",),))
     task = task_of(CellModel("Chen2020", "SPM"), experiment, CYCLABLE_LITHIUM)
