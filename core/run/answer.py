@@ -45,17 +45,22 @@ def most_probable(task: Task, trials: Sequence[Trial]) -> Trial:
 
 
 def _with_effects_worth_it(task: Task, trials: Sequence[Trial]) -> Trial:
-    """The most probable trial; with an effect that was added only if that lowers the voltage error too.
+    """The most probable trial; with effects that were added only if each lowers the voltage error too.
 
     Residuals are means over parts of the steps. A fit with more parameters may bring the mean over the last minute of a
     discharge to zero, by a knee that is off one way and then the other.
     """
     best = most_probable(task, trials)
-    without = [trial for trial in trials if not added_parameters(task, trial.candidate)]
-    if len(without) in (0, len(trials)):
-        return best
-    rival = most_probable(task, without)
-    return rival if _voltage_error(rival) < _voltage_error(best) else best
+    while simpler := [trial for trial in trials if _added(task, trial) < _added(task, best)]:
+        rival = most_probable(task, simpler)
+        if not _voltage_error(rival) < _voltage_error(best):
+            break
+        best = rival
+    return best
+
+
+def _added(task: Task, trial: Trial) -> set[str]:
+    return set(added_parameters(task, trial.candidate))
 
 
 def _voltage_error(trial: Trial) -> float:

@@ -1,10 +1,12 @@
 """Effects of the circuit around and inside the cell."""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 from ...core.effect import Effect, EffectParameter, Evidence
 from ..pybamm.augmentation import PyBaMMPart
+from .phases import one_phase_lacks
 
 
 def _resistance(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
@@ -55,4 +57,37 @@ double_layer_capacitance = Effect(
     lacks=_double_layer_lacks,
 )
 
-EFFECTS = (contact_resistance, double_layer_capacitance)
+
+def _fewer_particles(which: str, model: Any, p: Mapping[str, Any]) -> Any:
+    import pybamm
+
+    current = model.variables["Current [A]"]
+    full = model.variables[f"Average {which} particle stoichiometry"]
+    fills = current > 0 if which == "positive" else current < 0
+    left = fills * (1 - full) + (1 - fills) * full
+    end = 1e-3  # the share below which the resistance rises no further
+    share = (left + pybamm.sqrt(left**2 + 4 * end**2)) / 2
+    return -p["overpotential"] * current / model.param.Q * (1 / share**2 - 1)
+
+
+resistive_reactant = tuple(
+    Effect(
+        name="resistive-reactant",
+        variant=f"{electrode} electrode",
+        title=f"particles of the {electrode} electrode that are connected unequally well and react one after another",
+        equation="V -> V - eta I / I_1C (1 / s^2 - 1), s: share of the particles that have not reacted, 1 - x in an "
+        "electrode that fills and x in one that empties; 1 / s^2 where conductances are distributed evenly from zero "
+        "on and the best connected particles react first",
+        parameters=(EffectParameter("overpotential", "V", 0.0, 0.0, 0.2, 5e-3),),
+        signature="a resistance that grows as the electrode fills or empties: the voltage falls early and gradually "
+        "at the end of a discharge, in proportion to the current, and sharply at a low rate",
+        citation="Safari and Delacourt, J. Electrochem. Soc. 158 (2011) A63, doi:10.1149/1.3515902; as a variable "
+        "resistance: J. Appl. Electrochem. 48 (2018) 663, doi:10.1007/s10800-018-1189-z",
+        physics=PyBaMMPart(voltage=partial(_fewer_particles, electrode)),
+        lacks=partial(one_phase_lacks, electrode),
+        on_request=True,
+    )
+    for electrode in ("negative", "positive")
+)
+
+EFFECTS = (contact_resistance, double_layer_capacitance, *resistive_reactant)

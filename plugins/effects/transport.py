@@ -6,6 +6,7 @@ from typing import Any
 
 from ...core.effect import Effect, EffectParameter, Evidence
 from ..pybamm.augmentation import PyBaMMPart
+from .phases import one_phase_lacks
 
 
 def _electrolyte_lacks(evidence: Evidence) -> str:
@@ -138,17 +139,6 @@ particle_size_distribution = Effect(
 )
 
 
-def _slow_lacks(which: str, evidence: Evidence) -> str:
-    options = evidence.options
-    if which == "negative" and options.get("working electrode") == "positive":
-        return "the model has no negative electrode of particles"
-    phases = options.get("particle phases", "1")
-    of_both = tuple(phases) if isinstance(phases, (list, tuple)) else (phases, phases)
-    if of_both[which == "positive"] != "1":
-        return f"the {which} electrode has particles of several phases, each with its own exchange of lithium"
-    return ""
-
-
 def _slow_share(which: str, model: Any, p: Mapping[str, Any]) -> Any:
     import pybamm
 
@@ -198,7 +188,7 @@ slow_material = tuple(
         citation="Ai et al., J. Power Sources 527 (2022) 231142, doi:10.1016/j.jpowsour.2022.231142; the rate after "
         "Garofalo: Koebbing et al., ACS Appl. Mater. Interfaces (2024), doi:10.1021/acsami.4c12976",
         physics=PyBaMMPart(voltage=partial(_slow_share, electrode)),
-        lacks=partial(_slow_lacks, electrode),
+        lacks=partial(one_phase_lacks, electrode),
         on_request=True,
     )
     for electrode in ("negative", "positive")

@@ -36,7 +36,7 @@ def registry(**factories: Any) -> Registry:
 def test_the_catalogue_is_whole() -> None:
     notes: list[str] = []
     listed = [listing.entry.name for listing in installed().listings("effect")]
-    on_request = effects_of(["ocp-shape", "slow-active-material"])
+    on_request = effects_of(["ocp-shape", "slow-active-material", "resistive-reactant"])
     assert len(effects_of(None, note=notes.append)) + len(on_request) == len(listed)
     assert all(effect.on_request for effect in on_request)
     assert notes == []

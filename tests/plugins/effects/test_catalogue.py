@@ -24,6 +24,7 @@ NAMES = {
     "ocp-hysteresis",
     "ocp-shape",
     "particle-size-distribution",
+    "resistive-reactant",
     "electrolyte-transport",
     "slow-active-material",
     "solid-diffusivity-variation",
@@ -77,7 +78,8 @@ def test_the_shape_of_a_potential_is_the_correction_that_a_calibration_searches(
 
 
 def test_what_imitates_most_effects_is_considered_where_it_is_named():
-    assert not {"ocp-shape", "slow-active-material"} & {effect.name for effect in effects_of(None)}
+    on_request = {"ocp-shape", "slow-active-material", "resistive-reactant"}
+    assert not on_request & {effect.name for effect in effects_of(None)}
     assert {effect.name for effect in effects_of(["ocp-shape"])} == {"ocp-shape"}
     assert len(effects_of(["ocp-shape (positive electrode)"])) == 1
 
@@ -208,6 +210,8 @@ def test_a_contact_resistance_adds_to_that_of_the_base_model():
     "key",
     [
         "ocp-hysteresis",
+        "resistive-reactant (negative electrode)",
+        "resistive-reactant (positive electrode)",
         "slow-active-material (negative electrode)",
         "slow-active-material (positive electrode)",
         "self-discharge",

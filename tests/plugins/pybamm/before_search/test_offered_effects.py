@@ -13,6 +13,8 @@ from bsa.plugins.pybamm.before_search.offered_effects import with_offered
 from bsa.testing.sample_task import sample_task
 
 SLOW = "slow-active-material.negative-electrode"
+REACTANT = "resistive-reactant.negative-electrode"
+OVERPOTENTIAL = "resistive-reactant: overpotential [V]"
 NAMES = ("slow-active-material: share", "slow-active-material: time [s]", "slow-active-material: reference_lag")
 
 
@@ -34,12 +36,12 @@ def offers(**changes: Any) -> Scaffold:
     return load_scaffold("staged").model_copy(update=changes)
 
 
-def test_a_fit_of_measured_currents_is_offered_the_effect_and_begins_without_it() -> None:
+def test_a_fit_of_measured_currents_is_offered_effects_and_begins_without_them() -> None:
     task = with_offered(measured(), offers())
-    assert task.cell.effects == (SLOW,)
-    assert dict(task.cell.offered) == {SLOW: NAMES}
-    assert task.space.names[-3:] == NAMES
-    assert absent_effects(task, task.space.initial) == (SLOW,)
+    assert task.cell.effects == (REACTANT, SLOW)
+    assert dict(task.cell.offered) == {REACTANT: (OVERPOTENTIAL,), SLOW: NAMES}
+    assert task.space.names[-4:] == (OVERPOTENTIAL, *NAMES)
+    assert absent_effects(task, task.space.initial) == (REACTANT, SLOW)
     assert decode_task(json.loads(json.dumps(encode_task(task)))).cell == task.cell
     # A run that goes on has its task from the journal.
     assert with_offered(task, offers()) is task
@@ -50,7 +52,10 @@ def test_a_fit_of_measured_currents_is_offered_the_effect_and_begins_without_it(
     [
         pytest.param(by_protocol(), id="protocol"),
         pytest.param(sample_task(), id="no prior"),
-        pytest.param(measured(effects=("slow-active-material.positive-electrode",)), id="has a variant of it"),
+        pytest.param(
+            measured(effects=("slow-active-material.positive-electrode", "resistive-reactant.positive-electrode")),
+            id="has variants of them",
+        ),
         pytest.param(measured(options={"working electrode": "positive"}), id="half cell"),
         pytest.param(measured(options={"particle phases": ("2", "1")}), id="composite"),
     ],
@@ -68,4 +73,4 @@ def test_only_a_scaffold_that_offers_it_on_pybamm_does() -> None:
     with pytest.raises(BsaError, match='no effect "slow-materiel"'):
         with_offered(task, offers(offers=["slow-materiel"]))
     composite = measured(options={"particle phases": ("1", "2")})
-    assert with_offered(composite, offers()).cell.effects == (SLOW,)
+    assert with_offered(composite, offers()).cell.effects == (REACTANT, SLOW)
