@@ -29,7 +29,7 @@ def _too_few(evidence: Evidence) -> str:
     return f"no record has {FEWEST_CYCLES} cycles, so that nothing can be seen to age" * few
 
 
-def _needs_a_life(option: str = "") -> Callable[[Evidence], str]:
+def _needs_a_life(option: str) -> Callable[[Evidence], str]:
     def lacks(evidence: Evidence) -> str:
         few = evidence.cycles < _FEWEST_OF_A_LIFE
         return f"no record has {_FEWEST_OF_A_LIFE} cycles" * few or _needs_cycles(option)(evidence)
@@ -297,7 +297,7 @@ resistance_growth = Effect(
         borrowed={"Contact resistance [Ohm]": 0.0},
         values=_growing_contact,
     ),
-    lacks=_needs_a_life(),
+    lacks=_too_few,
     ages=True,
 )
 

@@ -263,7 +263,7 @@ def test_an_effect_that_cannot_be_built_costs_only_itself(short_life: Path) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("case", "cycles", "fitted"), [("diffusion", 24, 15), ("resistance", 50, 30)])
+@pytest.mark.parametrize(("case", "cycles", "fitted"), [("diffusion", 24, 15), ("resistance", 24, 15)])
 def test_the_hidden_mechanism_is_named(case: str, cycles: int, fitted: int, tmp_path: Path) -> None:
     make(HIDDEN[case], tmp_path / "life.csv", 0, cycles)
     records = Records([tmp_path / "life.csv"], reads=[READ], fit_cycles=fitted)
