@@ -210,6 +210,8 @@ class Rules:
 
 
 def _left_in_words(found: Explanation, gap: Gap) -> str:
+    if found.rmse_v <= gap.noise_v:
+        return "leaves errors of the size of the noise that are not random"
     return f"leaves {found.rmse_v / gap.noise_v:.1f} times the noise"
 
 

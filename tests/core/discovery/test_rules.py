@@ -115,7 +115,12 @@ def test_a_name_beside_which_more_than_noise_is_left_says_how_much():
     partial, whole = explanation("effect", None, rmse=2.0), explanation("effect", None)
     partial.adequacy, partial.rmse_v = Adequacy(0.0, 0.0, 1.0), 2e-3
     left = "leaves 4.0 times the noise: something else may be missing too, and the values found may compensate for it"
-    for found, said in ((partial, left), (whole, "in BIC")):
+    small = explanation("effect", None, rmse=2.0)
+    small.adequacy, small.rmse_v = partial.adequacy, 0.4e-3
+    not_random = (
+        f"leaves errors of the size of the noise that are not random{left.removeprefix('leaves 4.0 times the noise')}"
+    )
+    for found, said in ((partial, left), (small, not_random), (whole, "in BIC")):
         assert RULES.decide(Gap(base, base, 0.5e-3, 0.5e-3), [found]).reason.endswith(said)
 
 
