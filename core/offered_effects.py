@@ -32,12 +32,6 @@ def added_parameters(task: Task, candidate: Candidate) -> tuple[str, ...]:
     return tuple(name for effect, names in task.cell.offered.items() if effect not in absent for name in names)
 
 
-def switched_on(task: Task, effect: str, candidate: Candidate) -> dict[str, float]:
-    """The candidate with an offered effect whose strength is one standard deviation: small, but visible."""
-    strength = task.space[task.cell.offered[effect][0]]
-    return {**candidate, strength.name: strength.at_coordinate(strength.coordinate(strength.initial) + 1.0)}
-
-
 def as_found(task: Task, best: Trial) -> Task:
     """The task without the offered effects that the best trial lacks, and with the others for good."""
     if not task.cell.offered:

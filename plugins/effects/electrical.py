@@ -78,7 +78,7 @@ resistive_reactant = tuple(
         equation="V -> V - eta I / I_1C (1 / s^2 - 1), s: share of the particles that have not reacted, 1 - x in an "
         "electrode that fills and x in one that empties; 1 / s^2 where conductances are distributed evenly from zero "
         "on and the best connected particles react first",
-        parameters=(EffectParameter("overpotential", "V", 0.0, 0.0, 0.2, 5e-3),),
+        parameters=(EffectParameter("overpotential", "V", 0.0, 0.0, 0.2, 2e-3),),
         signature="a resistance that grows as the electrode fills or empties: the voltage falls early and gradually "
         "at the end of a discharge, in proportion to the current, and sharply at a low rate",
         citation="Safari and Delacourt, J. Electrochem. Soc. 158 (2011) A63, doi:10.1149/1.3515902; as a variable "

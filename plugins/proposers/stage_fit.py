@@ -15,7 +15,6 @@ from ...core.inference.fit_settings import Box, Settings
 from ...core.inference.identifiability import residual_noise
 from ...core.inference.least_squares import LeastSquares
 from ...core.inference.low_fidelity import LowFidelity
-from ...core.offered_effects import switched_on
 from ...core.parameters import Candidate
 from ...core.rms import rms
 from ...core.run.answer import FINEST_NOISE
@@ -73,7 +72,7 @@ class StageChoice(BaseModel, extra="forbid"):
     )
     adds: str = Field(
         "",
-        description="An offered effect that it adds to the model, whose parameters no earlier stage fits; of its end "
+        description="An offered effect that it may add to the model, whose parameters no earlier stage fits; of its end "
         "and that of the stage before it the more probable one stands. Skipped where the effect is not offered.",
     )
     noise: float = Field(
@@ -164,6 +163,7 @@ class Stage(ABC):
         """What is fitted to what, in a sentence."""
         count = int(np.count_nonzero(self._free))
         again = f' (from where "{self.choice.again}" began)' * bool(self.choice.again)
+        again += f' (with the effect "{self.choice.adds}")' * bool(self.choice.adds)
         return f'Stage "{self.choice.name}"{again}, {count} parameters on {_DATA[self.choice.data]}: {self._method}.'
 
     @property
@@ -228,8 +228,6 @@ class StageFit(Stage):
             self._low_fidelity = LowFidelity(partial(self._low_residuals, low_fidelity), suffices=True)
         self._search = self._from_here()
         self._tried_first = self._spread(choice.scan)
-        if choice.adds:
-            self._tried_first = [switched_on(task, choice.adds, start.candidate)]
 
     def _spread(self, count: int) -> list[Candidate]:
         """The values of a scan, one parameter moved at a time; none where fewer simulations are left."""
@@ -241,15 +239,12 @@ class StageFit(Stage):
         return found if len(found) < self._left else []
 
     def _begin_at_best(self, trials: Sequence[Trial]) -> Trial:
-        """Begin at the best of the values tried, where one is better; where an effect is added, in any case with it."""
+        """Begin at the best of the values tried, where one is better."""
         self._tried_first = []
-        places = trials if self.choice.adds else (self._here, *trials)
+        places = (self._here, *trials)
         costs = [
             np.inf if (residual := self._weighed(trial)) is None else float(residual @ residual) for trial in places
         ]
-        if not np.isfinite(min(costs)):
-            self._left = 0  # There is no simulation with the effect to begin from.
-            return self._here
         self._here = places[int(np.argmin(costs))]
         self._search = self._from_here()
         return self._here
@@ -314,8 +309,6 @@ class StageFit(Stage):
         if self._first_cycle is not None and self.reduction is None:
             return "all cycles where it ended"
         if self._tried_first:
-            if self.choice.adds:
-                return f'the effect "{self.choice.adds}" is added'
             return f"{len(self._tried_first)} values over the ranges of those without a prior"
         if self._search.stage == "low-fidelity":
             return "a step by the low-fidelity model"

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from bsa.core.offered_effects import absent_effects, added_parameters, as_found, of_the_found, switched_on
+from bsa.core.offered_effects import absent_effects, added_parameters, as_found, of_the_found
 from bsa.core.parameters import Candidate, Parameter, ParameterSpace
 from bsa.core.task import CellModel, Task
 from bsa.core.trial import Trial
@@ -34,8 +34,7 @@ def test_an_effect_is_absent_while_its_strength_is_where_it_began() -> None:
     # Its other parameters change nothing.
     assert absent_effects(task, {**task.space.initial, TIME: 7200.0}) == ("slow", "gap")
     assert added_parameters(task, task.space.initial) == ()
-    there = switched_on(task, "slow", task.space.initial)
-    assert there[SHARE] == 0.03
+    there = {**task.space.initial, SHARE: 0.03}
     assert absent_effects(task, there) == ("gap",)
     assert added_parameters(task, there) == (SHARE, TIME)
 

@@ -253,7 +253,6 @@ def test_an_effect_that_explains_nothing_is_left_out(run_toy: RunToy, tmp_path: 
     result = with_an_addition(run_toy, tmp_path / "run", offering(idle))
     tried = [trial for trial in result.trials if trial.candidate["idle"] > 0.0]
     assert tried
-    assert tried[0].candidate["idle"] == pytest.approx(0.1)
     run = read_run(tmp_path / "run")
     for task, best in ((result.task, result.best), (run.task, run.best)):
         assert task.cell.effects == ()
