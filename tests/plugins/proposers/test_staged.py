@@ -222,9 +222,13 @@ def offering(strength: Parameter, **start: float) -> Task:
     )
 
 
-def with_an_addition(run_toy: RunToy, folder: Path, task: Task, listener: Listener = SILENT) -> RunResult:
+def with_an_addition(
+    run_toy: RunToy, folder: Path, task: Task, listener: Listener = SILENT, led: bool = False
+) -> RunResult:
     stages = [{"name": "all", "data": "everything"}, {"name": "add", "data": "everything", "adds": "extra"}]
-    scaffold = toy_scaffold("staged", proposer={"use": "staged", "options": {"stages": stages}}, offers=[])
+    proposer = {"use": "staged", "options": {"stages": stages}}
+    simulator = {"use": "toy-cell", "options": {"low_fidelity": led}}
+    scaffold = toy_scaffold("staged", proposer=proposer, simulator=simulator, offers=[])
     return run_toy(folder, task=task, scaffold=scaffold, warm_up=0, simulations=100, listener=listener)
 
 
@@ -246,6 +250,14 @@ def test_an_effect_that_makes_the_fit_more_probable_is_added(run_toy: RunToy, tm
         assert not task.cell.offered
         assert SERIES in task.space
     assert "The effect extra is in the model: the fit with it is more probable" in notes_of(tmp_path / "run")
+
+
+def test_an_effect_that_promises_nothing_is_not_simulated(run_toy: RunToy, tmp_path: Path) -> None:
+    idle = Parameter("idle", 0.0, 0.0, 1.0, deviation=0.1)
+    result = with_an_addition(run_toy, tmp_path / "run", offering(idle), led=True)
+    assert all(trial.candidate.get("idle", 0.0) == 0.0 for trial in result.trials)
+    assert skipped_in(tmp_path / "run")["add"] == "no step promises a gain"
+    assert result.task.cell.effects == ()
 
 
 def test_an_effect_that_explains_nothing_is_left_out(run_toy: RunToy, tmp_path: Path) -> None:
