@@ -43,6 +43,24 @@ def _no_waits(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
+def without_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    """BoTorch computes in Python: a first acquisition of several objectives would compile C++ for a minute."""
+    module = pytest.importorskip("botorch.acquisition.multi_objective.logei")
+    monkeypatch.setattr(module, "_load_attempted", True)
+
+
+@pytest.fixture
+def few_draws(without_compiler: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Acquisitions of few draws and starts, for tests of what holds wherever an acquisition has its maximum."""
+    constructors = pytest.importorskip("botorch.acquisition.input_constructors")
+    optimizer = pytest.importorskip("ax.generators.torch.botorch_modular.optimizer_argparse")
+    sampler = constructors._get_sampler
+    monkeypatch.setattr(constructors, "_get_sampler", lambda mc_samples, qmc: sampler(8, qmc))
+    monkeypatch.setattr(optimizer, "NUM_RESTARTS", 2)
+    monkeypatch.setattr(optimizer, "RAW_SAMPLES", 64)
+
+
+@pytest.fixture
 def ctrl_c() -> Iterator[Any]:
     """Ctrl-C does here, and in processes started here, what it does at a terminal: a background job ignores it."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -58,6 +58,8 @@ class TestWarmUp(WarmUpConformance):
 class TestProposer(ProposerConformance):
     @pytest.fixture(params=own("proposer"))
     def name(self, request: pytest.FixtureRequest) -> str:
+        if request.param in HEAVY:
+            request.getfixturevalue("few_draws")
         return request.param
 
 

@@ -23,6 +23,15 @@ SLOW = [pytest.param(name, marks=[needs_ax, pytest.mark.slow]) for name in ("bo"
 BUDGET = {"warm_up": 0, "patience": 100}
 
 
+@pytest.fixture(autouse=True)
+def _quick_acquisitions(request: pytest.FixtureRequest) -> None:
+    """Slow samplers have Ax's own settings in one test."""
+    callspec = getattr(request.node, "callspec", None)
+    if callspec is not None and callspec.params.get("name") in ("bo", "qnehvi"):
+        quality = request.function is test_budget_bounds_and_progress
+        request.getfixturevalue("without_compiler" if quality else "few_draws")
+
+
 def simulations(name: str, of_fast_ones: int) -> int:
     """Of a slow sampler, whose steps take seconds, three after its eight Sobol points."""
     return of_fast_ones if name in FAST else 11
@@ -120,6 +129,7 @@ def test_default_tries_nothing(run_toy: RunToy) -> None:
 
 @needs_ax
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_draws")
 def test_sobol_comes_first_and_does_not_repeat(run_toy: RunToy) -> None:
     result = run_toy(scaffold=toy_scaffold("bo"), rounds=40, simulations=12, **BUDGET)
     assert [trial.round for trial in result.trials] == [0, *[1] * 8, 2, 3, 4]
