@@ -91,10 +91,11 @@ class HerePool:
 @pytest.fixture(scope="module")
 def simulated_here() -> Iterator[None]:
     """PyBaMM's simulations are made in this process."""
-    from bsa.plugins.pybamm.simulators import worker
+    from bsa.plugins.pybamm.simulators import request_pool, worker
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(worker, "Pool", HerePool)
+        patch.setattr(request_pool, "Pool", HerePool)
         yield
 
 

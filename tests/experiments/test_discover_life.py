@@ -22,6 +22,7 @@ from bsa.experiments.cli.main import main
 from bsa.experiments.discover import discover
 from bsa.experiments.discovery_case import DiscoverOptions, discover_options
 from bsa.experiments.read_options import reading
+from bsa.experiments.studies import life_discovery
 from bsa.experiments.studies.life_discovery import HIDDEN, make
 from bsa.experiments.task_request import CellChoice, Records, task_of_records
 from bsa.plugins.effects.ageing import EFFECTS
@@ -263,10 +264,13 @@ def test_an_effect_that_cannot_be_built_costs_only_itself(short_life: Path) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("case", "cycles", "fitted"), [("diffusion", 24, 15), ("resistance", 24, 15)])
-def test_the_hidden_mechanism_is_named(case: str, cycles: int, fitted: int, tmp_path: Path) -> None:
-    make(HIDDEN[case], tmp_path / "life.csv", 0, cycles)
-    records = Records([tmp_path / "life.csv"], reads=[READ], fit_cycles=fitted)
+@pytest.mark.usefixtures("simulated_here")
+@pytest.mark.parametrize("case", ["diffusion", "resistance"])
+def test_the_hidden_mechanism_is_named(case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In 24 cycles without rests."""
+    monkeypatch.setattr(life_discovery, "CYCLE", tuple(step for step in life_discovery.CYCLE if "Rest" not in step))
+    make(HIDDEN[case], tmp_path / "life.csv", 0, 24)
+    records = Records([tmp_path / "life.csv"], reads=[READ], fit_cycles=15)
     found = discover(discover_options(records, tmp_path / "out", parameters="Chen2020", model="SPM"))
     assert (found.verdict, found.names) == ("effect-found", (HIDDEN[case].name,))
     content = json.loads((tmp_path / "out" / "discovery.json").read_text())
