@@ -133,11 +133,10 @@ def test_a_hidden_resistance_is_found_and_shown(resistive_cell, tmp_path) -> Non
         resistive_cell,
         current_sign="discharge-positive",
         parameters="Chen2020",
-        model="SPMe",
+        model="SPM",
         temperature=25,
         scale=False,
         effect=["contact-resistance", "voltage-offset"],
-        workers=2,
         out=tmp_path / "found",
     )
     assert found.effects == ("contact-resistance",)

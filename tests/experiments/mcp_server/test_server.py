@@ -163,7 +163,7 @@ def test_an_assistant_has_a_hidden_effect_found(use: Use, resistive_cell: pd.Dat
     async def act(client: Client) -> None:
         arguments = {
             "data": "cell.csv",
-            "cell": {"parameters": "Chen2020", "model": "SPMe", "scale": False},
+            "cell": {"parameters": "Chen2020", "model": "SPM", "scale": False},
             "reading": {"current_sign": "discharge-positive", "temperature": 25},
             "effect": ["contact-resistance", "voltage-offset"],
         }
