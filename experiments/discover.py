@@ -27,13 +27,11 @@ from ..plugins.pybamm.augmentation import effects_in
 from ..plugins.pybamm.before_search.radial_mesh import RadialMesh
 from ..plugins.pybamm.simulators.effect_simulator_pool import EffectSimulatorPool
 from .discovery_case import DiscoverOptions, read_case
-from .discovery_journal import opened
+from .discovery_journal import RESULT, opened
 from .discovery_setup import DiscoverySetup, say_notes, set_up
 from .misfit_notes import discovery_notes, potentials_note
 from .report.page import FILE_NAME as REPORT
 from .told_simulations import ToldSimulations
-
-RESULT = "discovery.json"
 
 
 def discover(options: DiscoverOptions, listener: Listener = lambda text: None, workers: int = 1) -> Discovery:

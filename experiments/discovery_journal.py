@@ -19,6 +19,7 @@ from .run import go_on, versions
 from .tasks.parameter_source import found_cell, names_a_set
 
 KIND = "discovery"
+RESULT = "discovery.json"
 
 _OF_BASE = ("parameters", "search")
 """What a journal has digests of, beside the files of `_digests`; by these names a refusal tells what has changed."""

@@ -26,8 +26,8 @@ from ...core.trajectory import Trajectory
 from ..api import calibration, discovery, measured
 from ..api.calibration_result import CalibrationResult
 from ..api.discovery_result import DiscoveryResult
-from ..discover import RESULT as DISCOVERY_RESULT
 from ..discovery_journal import KIND, read_options
+from ..discovery_journal import RESULT as DISCOVERY_RESULT
 from ..read_options import reading
 from ..report.page import FILE_NAME as REPORT
 from ..task_request import CellChoice, Records, task_of_records

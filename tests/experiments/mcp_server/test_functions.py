@@ -1,6 +1,8 @@
 """What a name means does not depend on the folder that the server was started in."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -88,3 +90,11 @@ def test_parameters_of_a_discovery_that_goes_on_are_an_installed_set(started_in:
     folder = _begun(started_in / "begun", kind="discovery", options=options)
     with pytest.raises(BsaError, match='there is no parameter set "run"'):
         functions.discover({"resume": folder})
+
+
+@pytest.mark.slow
+def test_the_import_loads_no_heavy_library() -> None:
+    """The process of every call imports it."""
+    heavy = "{'pybamm', 'pandas', 'matplotlib', 'litellm', 'torch'}"
+    code = f"import bsa.experiments.mcp_server.functions, sys; assert not {heavy} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)
