@@ -72,8 +72,8 @@ class StageChoice(BaseModel, extra="forbid"):
     )
     adds: str = Field(
         "",
-        description="An offered effect that it may add to the model, whose parameters no earlier stage fits; of its end "
-        "and that of the stage before it the more probable one stands. Skipped where the effect is not offered.",
+        description="An offered effect that it may add to the model, whose parameters no earlier stage fits; of its "
+        "end and that of the stage before it the more probable one stands. Skipped where the effect is not offered.",
     )
     noise: float = Field(
         _USUAL_NOISE,
