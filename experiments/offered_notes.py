@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from ..core.offered_effects import absent_effects
+from ..core.printable import counted
 from ..core.run.answer import answer, most_probable
 from ..core.task import Task
 from ..core.trial import Trial
@@ -24,9 +25,8 @@ def offered_notes(task: Task, trials: Sequence[Trial]) -> Iterator[str]:
             most_probable(task, [trial for trial, lacks in zip(trials, lacking, strict=True) if lacks is wanted])
             for wanted in (False, True)
         )
-        misfits = (
-            f"misfit {best.misfit:.3g} tolerances with {len(parameters)} more parameters, {other.misfit:.3g} without"
-        )
+        more = counted(len(parameters), "more parameter")
+        misfits = f"misfit {best.misfit:.3g} tolerances with {more}, {other.misfit:.3g} without"
         if effect not in left_out:
             yield f"The effect {effect} is in the model: the fit with it is more probable ({misfits})."
         elif most_probable(task, [other, best]) is best and task.weight == "uniform":

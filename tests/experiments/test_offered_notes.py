@@ -35,7 +35,7 @@ def trial(index: int, extra: float, misfit: float, voltage_mv: float) -> Trial:
     ("having", "answered", "words"),
     [
         ([], 0, None),
-        ([trial(1, 0.1, 5.0, 6.0)], 1, "is in the model: the fit with it is more probable (misfit 5 tolerances"),
+        ([trial(1, 0.1, 5.0, 6.0)], 1, "the fit with it is more probable (misfit 5 tolerances with 1 more parameter, "),
         ([trial(1, 0.1, 9.99, 9.0)], 0, "was tried and left out: the fit with it is not better"),
         ([trial(1, 0.1, 3.0, 26.0)], 0, "was tried and left out: its voltage error is larger"),
     ],
