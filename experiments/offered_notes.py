@@ -16,7 +16,8 @@ _KNEE = (
 
 def offered_notes(task: Task, trials: Sequence[Trial]) -> Iterator[str]:
     """A sentence about each effect that the task offers and some of its trials have."""
-    left_out = absent_effects(task, answer(task, trials).candidate)
+    found = answer(task, trials)
+    left_out = absent_effects(task, found.candidate)
     for effect, parameters in task.cell.offered.items():
         lacking = [effect in absent_effects(task, trial.candidate) for trial in trials]
         if all(lacking):
@@ -25,6 +26,7 @@ def offered_notes(task: Task, trials: Sequence[Trial]) -> Iterator[str]:
             most_probable(task, [trial for trial, lacks in zip(trials, lacking, strict=True) if lacks is wanted])
             for wanted in (False, True)
         )
+        best = best if effect in left_out else found
         more = counted(len(parameters), "more parameter")
         misfits = f"misfit {best.misfit:.3g} tolerances with {more}, {other.misfit:.3g} without"
         if effect not in left_out:

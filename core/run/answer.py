@@ -45,18 +45,19 @@ def most_probable(task: Task, trials: Sequence[Trial]) -> Trial:
 
 
 def _with_effects_worth_it(task: Task, trials: Sequence[Trial]) -> Trial:
-    """The most probable trial; with effects that were added only if each lowers the voltage error too.
+    """The most probable trial of those whose added effects lower the voltage error too.
 
-    Residuals are means over parts of the steps. A fit with more parameters may bring the mean over the last minute of a
-    discharge to zero, by a knee that is off one way and then the other.
+    The error of a trial with fewer of these effects, the most probable one of those, must not be smaller. Residuals are
+    means over parts of the steps. A fit with more parameters may bring the mean over the last minute of a discharge to
+    zero, by a knee that is off one way and then the other.
     """
-    best = most_probable(task, trials)
-    while simpler := [trial for trial in trials if _added(task, trial) < _added(task, best)]:
-        rival = most_probable(task, simpler)
-        if not _voltage_error(rival) < _voltage_error(best):
-            break
-        best = rival
-    return best
+    left = trials
+    while True:
+        best = most_probable(task, left)
+        simpler = [trial for trial in left if _added(task, trial) < _added(task, best)]
+        if not simpler or not _voltage_error(most_probable(task, simpler)) < _voltage_error(best):
+            return best
+        left = [trial for trial in left if trial is not best]
 
 
 def _added(task: Task, trial: Trial) -> set[str]:

@@ -103,6 +103,10 @@ def test_each_effect_that_was_added_has_to_lower_the_voltage_error() -> None:
     assert answer(task, [without, one, cancels]) is one
     assert answer(task, [without, one, both]) is both
     assert answer(task, [without, cancels]) is cancels
+    # Of the simulations with an effect, one that is less probable than another may be nearer.
+    hides, nearer = having(4, 10.0, 26.0, "first"), having(5, 15.0, 18.0, "first")
+    assert answer(task, [without, hides]) is without
+    assert answer(task, [without, hides, nearer]) is nearer
 
 
 def test_where_nothing_ran_to_its_end_the_first_stands() -> None:
