@@ -91,6 +91,8 @@ class Evidence:
         Difference between the warmest and the coldest the cell is known to have been, K.
     sampling_s : float
         Shortest interval between samples next to a current step, s.
+    life : bool
+        Whether the mechanism is asked for that ages a cell over the cycles of one record.
     """
 
     model: str
@@ -98,6 +100,7 @@ class Evidence:
     cycles: int
     temperature_span_k: float
     sampling_s: float
+    life: bool = False
 
 
 @dataclass(frozen=True)

@@ -103,7 +103,7 @@ def _fit_cycles(task: Task, asked: int | None) -> int:
 
 def _considered(task: Task, options: DiscoverOptions, notes: list[str]) -> list[Nomination]:
     """All effects of ageing, or those that were named, each with why it cannot be the mechanism, if so."""
-    evidence = Evidence(task.cell.model, task.cell.options, task.experiments[0].target.cycles[-1], 0.0, 1.0)
+    evidence = Evidence(task.cell.model, task.cell.options, task.experiments[0].target.cycles[-1], 0.0, 1.0, life=True)
     effects = effects_of(options.effects, None, options.effect_options, notes.append)
     idle = "does not change the cell from cycle to cycle"
     asked = [effect for effect in effects if effect.ages or options.effects]

@@ -29,7 +29,7 @@ def _too_few(evidence: Evidence) -> str:
     return f"no record has {FEWEST_CYCLES} cycles, so that nothing can be seen to age" * few
 
 
-def _needs_a_life(option: str) -> Callable[[Evidence], str]:
+def _needs_a_life(option: str = "") -> Callable[[Evidence], str]:
     def lacks(evidence: Evidence) -> str:
         few = evidence.cycles < _FEWEST_OF_A_LIFE
         return f"no record has {_FEWEST_OF_A_LIFE} cycles" * few or _needs_cycles(option)(evidence)
@@ -285,6 +285,11 @@ def _growing_contact(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str
     return {"Contact resistance [Ohm]": known["Contact resistance [Ohm]"] + p["growth"] * unit * throughput}
 
 
+def _growth_lacks(evidence: Evidence) -> str:
+    # Where it is not asked for, SEI growth is named for it, which makes a resistance grow too.
+    return _too_few(evidence) if evidence.life else _needs_a_life()(evidence)
+
+
 resistance_growth = Effect(
     name="resistance-growth",
     title="contacts whose resistance grows with charge throughput",
@@ -297,7 +302,7 @@ resistance_growth = Effect(
         borrowed={"Contact resistance [Ohm]": 0.0},
         values=_growing_contact,
     ),
-    lacks=_too_few,
+    lacks=_growth_lacks,
     ages=True,
 )
 

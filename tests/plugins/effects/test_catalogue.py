@@ -97,8 +97,9 @@ def test_a_life_is_asked_for_what_changes_from_cycle_to_cycle():
     ageing = {"sei-growth", "lithium-plating", "loss-of-active-material", "porosity-change", "resistance-growth"}
     assert named == ageing
     (growth,) = (effect for effect in EFFECTS if effect.name == "resistance-growth")
-    assert "3 cycles" in growth.lacks(Evidence("SPMe", {}, 2, 0.0, 1.0))
-    assert not growth.lacks(Evidence("SPM", {}, 20, 0.0, 1.0))
+    assert "50 cycles" in growth.lacks(Evidence("SPMe", {}, 20, 0.0, 1.0))
+    assert "3 cycles" in growth.lacks(Evidence("SPMe", {}, 2, 0.0, 1.0, life=True))
+    assert not growth.lacks(Evidence("SPM", {}, 20, 0.0, 1.0, life=True))
     stressed = [effect for effect in EFFECTS if effect.variant.endswith("by stress")]
     assert all("50 cycles" in effect.lacks(Evidence("SPMe", {}, 20, 0.0, 1.0)) for effect in stressed)
     assert not any(effect.lacks(Evidence("SPM", {}, 200, 0.0, 1.0)) for effect in stressed)
