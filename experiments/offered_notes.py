@@ -19,14 +19,11 @@ def offered_notes(task: Task, trials: Sequence[Trial]) -> Iterator[str]:
     found = answer(task, trials)
     left_out = absent_effects(task, found.candidate)
     for effect, parameters in task.cell.offered.items():
-        lacking = [effect in absent_effects(task, trial.candidate) for trial in trials]
-        if all(lacking):
+        having = [trial for trial in trials if effect not in absent_effects(task, trial.candidate)]
+        if not having:
             continue
-        best, other = (
-            most_probable(task, [trial for trial, lacks in zip(trials, lacking, strict=True) if lacks is wanted])
-            for wanted in (False, True)
-        )
-        best = best if effect in left_out else found
+        best = most_probable(task, having) if effect in left_out else found
+        other = most_probable(task, [trial for trial in trials if effect in absent_effects(task, trial.candidate)])
         more = counted(len(parameters), "more parameter")
         misfits = f"misfit {best.misfit:.3g} tolerances with {more}, {other.misfit:.3g} without"
         if effect not in left_out:

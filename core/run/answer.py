@@ -40,28 +40,29 @@ def answer(task: Task, trials: Sequence[Trial]) -> Trial:
 
 def most_probable(task: Task, trials: Sequence[Trial]) -> Trial:
     """The trial with the highest posterior density, the parameters of effects that the search has added counted."""
+    return _most_probable_first(task, trials)[0]
+
+
+def _most_probable_first(task: Task, trials: Sequence[Trial]) -> list[Trial]:
     prior = Prior.of(task.space)
-    return min(trials, key=lambda trial: (_improbability(task, prior, trial), trial.objective))
+    return sorted(trials, key=lambda trial: (_improbability(task, prior, trial), trial.objective))
 
 
 def _with_effects_worth_it(task: Task, trials: Sequence[Trial]) -> Trial:
     """The most probable trial of those whose added effects lower the voltage error too.
 
-    The error of a trial with fewer of these effects, the most probable one of those, must not be smaller. Residuals are
-    means over parts of the steps. A fit with more parameters may bring the mean over the last minute of a discharge to
-    zero, by a knee that is off one way and then the other.
+    The error of a trial with fewer of these effects, the most probable one of the less probable ones, must not be
+    smaller. Residuals are means over parts of the steps. A fit with more parameters may bring the mean over the last
+    minute of a discharge to zero, by a knee that is off one way and then the other.
     """
-    left = trials
-    while True:
-        best = most_probable(task, left)
-        simpler = [trial for trial in left if _added(task, trial) < _added(task, best)]
-        if not simpler or not _voltage_error(most_probable(task, simpler)) < _voltage_error(best):
-            return best
-        left = [trial for trial in left if trial is not best]
-
-
-def _added(task: Task, trial: Trial) -> set[str]:
-    return set(added_parameters(task, trial.candidate))
+    first, *others = _most_probable_first(task, trials)
+    while others:
+        added = set(added_parameters(task, first.candidate))
+        simpler = (trial for trial in others if set(added_parameters(task, trial.candidate)) < added)
+        if not _voltage_error(next(simpler, first)) < _voltage_error(first):
+            break
+        first, *others = others
+    return first
 
 
 def _voltage_error(trial: Trial) -> float:

@@ -62,9 +62,9 @@ def _fewer_particles(which: str, model: Any, p: Mapping[str, Any]) -> Any:
     import pybamm
 
     current = model.variables["Current [A]"]
-    full = model.variables[f"Average {which} particle stoichiometry"]
+    stoichiometry = model.variables[f"Average {which} particle stoichiometry"]
     fills = current > 0 if which == "positive" else current < 0
-    left = fills * (1 - full) + (1 - fills) * full
+    left = fills * (1 - stoichiometry) + (1 - fills) * stoichiometry
     end = 1e-3  # the share below which the resistance rises no further
     share = (left + pybamm.sqrt(left**2 + 4 * end**2)) / 2
     return -p["overpotential"] * current / model.param.Q * (1 / share**2 - 1)

@@ -114,6 +114,8 @@ class Stage(ABC):
     """
 
     takes_slopes = False
+    asked = False
+    """Whether any of its candidates has been proposed."""
     wanting = 0
     """Simulations that the fit would have gone on with, had so many been left; 0 where it ended by itself."""
     reduction: TaskReduction | None = None
@@ -162,9 +164,9 @@ class Stage(ABC):
     def describe(self) -> str:
         """What is fitted to what, in a sentence."""
         count = int(np.count_nonzero(self._free))
-        again = f' (from where "{self.choice.again}" began)' * bool(self.choice.again)
-        again += f' (with the effect "{self.choice.adds}")' * bool(self.choice.adds)
-        return f'Stage "{self.choice.name}"{again}, {count} parameters on {_DATA[self.choice.data]}: {self._method}.'
+        how = f' (from where "{self.choice.again}" began)' * bool(self.choice.again)
+        how += f' (with the effect "{self.choice.adds}")' * bool(self.choice.adds)
+        return f'Stage "{self.choice.name}"{how}, {count} parameters on {_DATA[self.choice.data]}: {self._method}.'
 
     @property
     def _method(self) -> str:

@@ -70,7 +70,6 @@ class StagedProposer:
         self._descent: Descent | None = None
         self._here: Trial | None = None
         self._stage: Stage | None = None
-        self._asked = False  # Whether that stage has asked for anything.
         self._finished: dict[str, Stage] = {}
         self._skipped: dict[str, str] = {}
         self._before: int | None = None  # Simulations before the first stage.
@@ -95,12 +94,12 @@ class StagedProposer:
         self._take_what_was_added(context)
         while True:
             if self._stage is None:
-                self._stage, self._asked = self._next_stage(context), False
+                self._stage = self._next_stage(context)
                 if self._stage is None:
                     return self._last_proposal(context.simulations_left)
             candidates = self._stage.ask(context.simulations_left)
             if candidates:
-                self._asked = True
+                self._stage.asked = True
                 return self._proposal(self._stage, candidates)
             self._end(self._stage, context)
 
@@ -108,7 +107,7 @@ class StagedProposer:
         """Note that a stage has ended; of it and the one that it competes with the more probable end stands."""
         before, self._stage, self._last = self._last, None, stage
         self._finished[stage.choice.name] = stage
-        if not self._asked:
+        if not stage.asked and not stage.wanting:
             self._skipped[stage.choice.name] = "no step promises a gain"
         other = before if stage.choice.adds else self._finished.get(stage.choice.again)
         if other is not None and answer(context.task, [other.here, stage.here]) is other.here:
