@@ -152,7 +152,7 @@ class LeastSquares:
         if low_fidelity is not None:
             self._led = LedSteps(low_fidelity, _fitted, self.settings, self._free, self._box)
         self._emulated: EmulatedSteps | None = None
-        if self.settings.emulates:
+        if self.settings.emulates and np.any(self._free):
             self._emulated = EmulatedSteps(self._box, self._free, self.settings.noise, self.settings.radius)
             for place, seen in [*known, *([] if residual is None else [(self.point, residual)])]:
                 self._emulated.remember(place, seen)

@@ -346,3 +346,11 @@ def test_a_fit_with_nothing_free_is_done(emulates: bool) -> None:
     assert search.done
     assert search.ending == "noise"
     assert search.predicted == 0.0
+
+
+def test_a_fit_with_nothing_free_is_done_though_its_derivatives_are_known() -> None:
+    start, residual = np.array([0.5, 0.5]), np.array([0.5, 2.0])
+    none = np.zeros(2, dtype=bool)
+    search = LeastSquares(start, residual, Settings(emulates=True), none, jacobian=np.zeros((2, 2)), fresh=True)
+    assert search.ask() == []
+    assert search.ending == "noise"
