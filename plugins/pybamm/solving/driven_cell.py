@@ -36,6 +36,12 @@ _T_NO_PROGRESS_S = 10.0
 _STUCK = 3
 """Times that the limit may be reached again within one pause."""
 
+_EASED = 0.9
+"""Share of the current at which a cell reached its limit, below which it is tried again with what is measured. The
+current of a voltage hold decays: a cell that is full for a moment as the hold begins would else lack all of its charge,
+and a parameter that moves that moment by a second would move the misfit by 100 mV. Each trial costs a restart, 28 in a
+hold down to a twentieth of its current."""
+
 _FEWEST_SLOPES = 8
 """Slopes of the voltage in a step at least, by which the last one is judged."""
 
@@ -74,10 +80,11 @@ def _options_of_drive(finest_s: float) -> dict[str, Any]:
 class Pause:
     """A time in which the simulated cell could not follow the measured current: it passed none."""
 
-    # start, end: When it reached its limit, and when the step of the record ended, s on the record's clock; infinite
-    # where the simulation could not go on.
+    # start, end: When it reached its limit, and when the measured current was tried again, s on the record's clock;
+    # infinite where the simulation could not go on.
     start: float
     end: float
+    step_end: float  # When the step of the record ended, s on its clock.
     empty: bool  # Whether it was empty; else it was full.
 
     def holds(self, times: FloatArray) -> NDArray[np.bool_]:
@@ -229,8 +236,8 @@ class DrivenCell:
         """Simulate the cell itself, whatever it runs into; arguments as for `solve`.
 
         A candidate that empties (or overfills) its cell before a step ends must say how wrong it is, not fail: it
-        shows the limit and passes no current until the step ends, and goes on from there. So the error grows
-        steadily with the charge that is lacking, and a fit finds its way back.
+        shows the limit and passes no current until the measured one has eased or the step ends, and goes on from
+        there. So the error grows steadily with the charge that is lacking, and a fit finds its way back.
         """
         first, last = float(self._stops[0]), float(self._stops[-1])
         parts: list[_Part] = []
@@ -275,15 +282,34 @@ class DrivenCell:
                 stuck += 1
                 continue
             step_end = float(self._stops[self._stops > reached + JUMP_S][0])
-            is_empty = self._is_empty(float(parts[-1][1][-1])) if at_limit else self._flowing(reached) > 0.0
-            pauses.append(Pause(reached, step_end, is_empty))
+            is_empty = self._is_empty(reached, float(parts[-1][1][-1]))
+            pauses.append(Pause(reached, self._eased_at(reached, step_end), step_end, is_empty))
             # Already over when the integrator goes on, so that the limit is not reached at once again.
-            pause, stuck = (reached - 2 * JUMP_S, step_end), 0
+            pause, stuck = (reached - 2 * JUMP_S, pauses[-1].end), 0
         return "the cell is at its limit again as soon as no current passes"
 
-    def _is_empty(self, voltage: float) -> bool:
-        """Whether a cell at its limit is empty: a leak may empty it in a rest, where no current is measured."""
-        return voltage < float(np.mean(self._cell.window_v))
+    def _is_empty(self, reached: float, voltage: float) -> bool:
+        """Whether a cell at its limit is empty.
+
+        The current tells: potentials beyond the range of their data may let the voltage of an overfull cell collapse.
+        In a rest, where none is measured, a leak may have emptied it.
+        """
+        flowing = self._flowing(reached)
+        return flowing > 0.0 if flowing else voltage < float(np.mean(self._cell.window_v))
+
+    def _eased_at(self, reached: float, step_end: float) -> float:
+        """When the current of a hold has eased from that at which the cell reached its limit; else the step's end."""
+        varies = np.any((self._drive.varying > reached) & (self._drive.varying < step_end))
+        flowing = self._flowing(reached)
+        if varies or flowing == 0.0:
+            return step_end
+        knots = self._drive.time[(self._drive.time > reached + JUMP_S) & (self._drive.time < step_end)]
+        times = np.concatenate([[reached + JUMP_S], knots, [step_end]])
+        share = self.current(times, ()) / flowing
+        eased = int(np.argmax(share < _EASED))
+        if eased == 0:
+            return step_end
+        return float(np.interp(-_EASED, -share[eased - 1 : eased + 1], times[eased - 1 : eased + 1]))
 
     def _beyond_cut_off(self, voltage: float) -> bool:
         """Whether a cell that the integrator gave up on was about to run empty or full: there its voltage collapses."""

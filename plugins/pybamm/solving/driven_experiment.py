@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -43,8 +42,9 @@ class DrivenExperiment:
     def solve(self, candidate: Candidate, on_step: Callable[[str, int], None] | None = None) -> ExperimentRun:
         """Simulate one candidate at the samples and in the steps of the record.
 
-        A candidate whose cell runs empty or full goes on without current until the step of the record ends, and
-        says so (`ExperimentRun.limits`). One that the integrator gives up has the samples that it reached.
+        A candidate whose cell runs empty or full goes on without current until the measured one has eased, or the step
+        ends, and says so (`ExperimentRun.limits`). One that the integrator gives up has the samples that it
+        reached.
         """
         response = self._driven.follow(candidate, self._times)
         begin = float(self._record.time[0])
@@ -98,8 +98,7 @@ def _in_words(pauses: Sequence[Pause], record: Trajectory) -> tuple[str, ...]:
     ):
         if found:
             at = found[0].start - float(record.time[0])
-            # One that could not be simulated on stays where it was: that is no further time.
-            more = sum(later.start >= earlier.end for earlier, later in pairwise(found))
+            more = len({pause.step_end for pause in found}) - 1
             again = f", and {counted(more, 'time')} more" if more else ""
             lacking = _charge_lacking(found[0], record)
             early = "" if lacking else _before_the_end(found[0], record)
@@ -111,9 +110,9 @@ def _in_words(pauses: Sequence[Pause], record: Trajectory) -> tuple[str, ...]:
 
 def _before_the_end(pause: Pause, record: Trajectory) -> str:
     """How long before the end of its step a cell reached its limit; empty where the record ends with that step."""
-    if pause.end >= float(record.time[-1]) - JUMP_S:
+    if pause.step_end >= float(record.time[-1]) - JUMP_S:
         return ""
-    return f", {pause.end - pause.start:,.0f} s before the step ended"
+    return f", {pause.step_end - pause.start:,.0f} s before the step ended"
 
 
 def _charge_lacking(pause: Pause, record: Trajectory) -> str:

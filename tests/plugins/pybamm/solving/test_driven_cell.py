@@ -90,3 +90,42 @@ def test_an_integrator_that_gives_up_at_once_says_so(rest_then_discharge, monkey
     monkeypatch.setattr(cell, "_advance", lambda *_: (nothing, "the integrator gave up"))
     response = cell.follow({}, clock, 0.9)
     assert (response.cause, response.pauses) == ("the integrator gave up", ())
+
+
+def a_charge_and_its_hold(hold_s: float = 3600.0) -> Trajectory:
+    """1C until 6,000 s, then a hold whose current falls to a twentieth."""
+    charge, hold = np.arange(0.0, 1801.0, 60.0), np.arange(60.0, hold_s + 1.0, 60.0)
+    clock = np.concatenate([charge, 1800.0 + hold])
+    current = np.concatenate([np.full(len(charge), -5.0), -5.0 * 20.0 ** (-hold / hold_s)])
+    steps = (Step(StepKind.CC_CHARGE, 0, len(charge)), Step(StepKind.CV_HOLD, len(charge), len(clock), position=1))
+    return Trajectory(clock, current, np.full(len(clock), 4.2), None, steps)
+
+
+@pytest.mark.slow
+def test_a_cell_that_is_full_for_a_moment_takes_the_rest_of_a_hold():
+    record = a_charge_and_its_hold()
+    cell = DrivenCell(CellModel("Chen2020", "SPM"), (), record, {}, WARM)
+    fuller = [cell.follow({}, record.time, soc) for soc in np.linspace(0.29, 0.39, 11)]
+    charge = [np.trapezoid(-cell.current(record.time, response.pauses), record.time) / 3600.0 for response in fuller]
+    assert len(fuller[0].pauses) == 0
+    assert len(fuller[-1].pauses) > 1
+    assert not any(pause.empty for response in fuller for pause in response.pauses)
+    # A hundredth of the cell's charge more at the start is about as much less until it is full.
+    assert np.max(-np.diff(charge)) < 0.1
+
+
+@pytest.mark.slow
+def test_a_cell_whose_voltage_collapses_in_a_charge_is_full(rest_then_discharge, monkeypatch):
+    """Beyond the data of its potential, LiCoO2 of Ai2020 falls from 4.4 to 0 V when it is overcharged."""
+    record = a_charge_and_its_hold()
+    cell = DrivenCell(CellModel("Chen2020", "SPM"), (), record, {}, WARM)
+    falling = np.append(np.linspace(4.0, 4.4, 20), 0.01)
+
+    def solved(before, *_):
+        if before is None:
+            return Stretch(np.linspace(0.0, 1500.0, 21), falling), ""
+        return Stretch(np.array([1800.0, 5400.0]), np.array([4.1, 4.2])), ""
+
+    monkeypatch.setattr(cell, "_advance", solved)
+    response = cell.follow({}, record.time, 0.5)
+    assert [pause.empty for pause in response.pauses] == [False]

@@ -197,19 +197,19 @@ def test_a_drive_cycle_is_followed_from_sample_to_sample() -> None:
 
 def test_the_words_of_a_limit_count_further_times_and_name_a_clear_lack_of_charge_alone() -> None:
     record = discharge(5.0, 1.0)
-    late, again = Pause(3500.0, 3600.0, True), Pause(3900.0, 4000.0, True)
-    at_last = replace(late, start=4100.0, end=4200.0)
+    late, again = Pause(3500.0, 3600.0, 3600.0, True), Pause(3900.0, 4000.0, 4000.0, True)
+    at_last = replace(late, start=4100.0, end=4200.0, step_end=4200.0)
     assert _in_words((at_last,), record) == ("the simulated cell was empty at 4,100 s of 4,200 s",)
     # A rest behind the discharge does not make the limit look early.
     (words,) = _in_words((late,), record)
     assert words == "the simulated cell was empty at 3,500 s of 4,200 s, 100 s before the step ended"
     assert _in_words((late, again), record)[0].endswith(" ended, and 1 time more")
-    assert _in_words((late, again, replace(again, start=4100.0, end=4200.0)), record)[0].endswith(
-        " ended, and 2 times more"
-    )
+    assert _in_words((late, again, at_last), record)[0].endswith(" ended, and 2 times more")
+    # Of one step several are one time.
+    assert _in_words((replace(late, end=3520.0), replace(late, start=3540.0)), record) == (words,)
     goes_on = replace(late, start=3550.0, end=np.inf)
     assert _in_words((late, goes_on), record) == _in_words((late,), record)
-    (early,) = _in_words((Pause(1800.0, 3600.0, True),), record)
+    (early,) = _in_words((Pause(1800.0, 3600.0, 3600.0, True),), record)
     assert early.endswith("at 1,800 s of 4,200 s, after 2.5 A.h; the record draws 5.01 A.h, 2 times as much")
 
 
