@@ -3,8 +3,9 @@
 A task is a cell whose parameters were changed, cycled once and sampled as a cycler does. Its record is simulated on a
 finer mesh and at tighter tolerances than any fit uses, and noise is added. In three tasks of four the nine parameters
 of a geometry are fitted by least squares; in the fourth a measured cell with up to 23 parameters, whose truth is drawn
-from their priors, is fitted in stages to its current, and the unseen discharge is given by its current too. What is
-said of each parameter, and of the voltage at a rate that was not measured, is compared with the truth.
+from their priors, is fitted in stages to its current, and the unseen discharge is given by its current too. That fit
+begins from a cell of the record's size, as that of a measured record does. What is said of each parameter, and of the
+voltage at a rate that was not measured, is compared with the truth.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,6 +20,7 @@ from ...core.comparison.residuals import noise_of_residuals, residuals
 from ...core.inference.identifiability import Verdict
 from ...core.inference.prediction import band_of
 from ...core.parameters import Candidate, Parameter, ParameterSpace
+from ...core.record import Record
 from ...core.run.loop import RunResult
 from ...core.run.run_config import RunConfig
 from ...core.scaffold import load_scaffold
@@ -31,6 +33,8 @@ from ..campaign.study_cell import StudyCell, plan_study
 from ..campaign.summary import exact_interval, grouped
 from ..campaign.text_tables import markdown_table
 from ..run import execute_run
+from ..tasks.cell_for_records import WIDTH
+from ..tasks.cell_size import size_factor
 
 BASES = ("Chen2020", "OKane2022", "Marquis2019", "Mohtat2020", "Ai2020")
 """Base cells, taken in turn."""
@@ -121,6 +125,8 @@ def draw(seed: int, number: int, model: str, points: int) -> Drawn:
     record = sampled(clean, sampling_s)
     noisy = record.changed(voltage=record.voltage + rng.normal(0.0, noise_v, len(record)))
     measured = replace(experiment, target=noisy, protocol=None if of_cell else experiment.protocol)
+    if of_cell:
+        cell, space = _of_its_size(cell, space, noisy)
     predicted = replace(unseen, target=unseen_run)
     if of_cell:
         predicted = replace(unseen, target=sampled(unseen_run, sampling_s), protocol=None)
@@ -159,9 +165,22 @@ def _measured_cell(cell: CellModel, rng: np.random.Generator) -> tuple[Parameter
     dropped = set(rng.permutation(corrections)[: int(rng.integers(len(corrections)))])
     # The record starts with a charge of its own, the unseen one full: neither starts at a rest voltage.
     dropped |= {parameter.name for parameter in whole if isinstance(parameter.target, InitialVoltage)}
-    parameters = [_of_record(parameter) for parameter in whole if parameter.name not in dropped]
-    space = ParameterSpace(tuple(parameters))
+    space = ParameterSpace(tuple(_of_record(parameter) for parameter in whole if parameter.name not in dropped))
     return space, {parameter.name: _from_prior(parameter, rng) for parameter in space}, len(space)
+
+
+def _of_its_size(cell: CellModel, space: ParameterSpace, record: Trajectory) -> tuple[CellModel, ParameterSpace]:
+    """The cell from which `bsa run` would begin a fit of the record, and the same parameters around it."""
+    from ...plugins.pybamm.before_search.presets import preset_space
+    from ...plugins.pybamm.cells.parameter_sets import load
+    from ...plugins.pybamm.cells.state_of_charge import equilibrium_capacity_ah
+
+    values, holds_ah = load(cell.parameter_set), equilibrium_capacity_ah(cell.parameter_set, {})
+    factor, _ = size_factor([Record(_MEASURED, record)], values, holds_ah, [None])
+    sized = replace(cell, overrides={WIDTH: factor * float(values[WIDTH])})
+    preset = preset_space(cell.parameter_set, "cell", sized.overrides, cell.options)
+    around = {parameter.name: parameter for parameter in preset}
+    return sized, ParameterSpace(tuple(around.get(parameter.name, parameter) for parameter in space))
 
 
 def _of_record(parameter: Parameter) -> Parameter:

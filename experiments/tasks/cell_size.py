@@ -15,7 +15,13 @@ from .record_request import RecordRequest
 from .record_start import open_circuit_start, starts_at_rest
 
 _SAME_SIZE = (0.8, 1.25)
-"""Ratios of measured to nominal capacity that the search bridges by itself."""
+"""Ratios of measured to nominal capacity of two cells of one type."""
+
+_HOLDS_MORE = 1.1
+"""Ratio from which on a fit begins with a larger cell. One that is too small runs empty before its record ends, which
+tells a fit little but that; a tenth is less than the deviation of the area's prior, and counters of charge drift by up
+to as much in a cycle. What a record does not take out of a cell may still be in it: down to the ratio of two cells of one type the
+search finds the size."""
 
 _FAR_LARGER, _LARGE_AH = 100.0, 100.0
 """Ratio of capacities, and charge, from which on a current in mA that is taken for one in A is a likely reason: few
@@ -54,7 +60,7 @@ def size_factor(
         return 1.0, ""
     charge = max(found, key=lambda one: one.ah)  # of equal ones the first, without a reason
     ratio = charge.ah / capacity_ah
-    if _SAME_SIZE[0] <= ratio <= _SAME_SIZE[1]:
+    if _SAME_SIZE[0] <= ratio <= _HOLDS_MORE:
         return 1.0, ""
     return ratio, (
         f"The records hold {rounded(charge.ah, 3)} A.h{charge.why}, the parameter set's cell "

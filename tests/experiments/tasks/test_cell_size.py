@@ -39,7 +39,7 @@ def test_a_cell_that_starts_part_full_holds_more_than_it_gives() -> None:
     assert "The records hold 51.6 A.h (46.2 A.h pass from a state of charge of 0.897 on)" in said
     assert "mA" not in said
     # What is missing of the charge may be all that makes it look like a smaller cell.
-    assert factor_of(record(3.95, 2.5, 0.75 * HOLDS_AH)) == (1.0, "")
+    assert factor_of(record(3.95, 2.5, 0.65 * HOLDS_AH)) == (1.0, "")
 
 
 def test_a_full_and_an_empty_cell_hold_what_they_give_and_take() -> None:
@@ -76,3 +76,11 @@ def test_a_usual_cell_is_not_asked_for_its_unit_where_the_set_is_of_a_tiny_one()
     assert factor > 100.0
     assert "starts from" in said
     assert "mA" not in said
+
+
+def test_a_cell_that_gives_a_little_more_than_the_set_holds_is_larger_and_one_that_gives_a_little_less_is_not() -> None:
+    assert factor_of(record(4.2, 2.5, 0.9 * HOLDS_AH)) == (1.0, "")
+    assert factor_of(record(4.2, 2.5, 1.05 * HOLDS_AH)) == (1.0, "")
+    factor, said = factor_of(record(4.2, 2.5, 1.15 * HOLDS_AH))
+    assert factor == pytest.approx(1.15, rel=1e-3)
+    assert "--no-scale keeps it" in said
