@@ -20,8 +20,8 @@ _SAME_SIZE = (0.8, 1.25)
 _HOLDS_MORE = 1.1
 """Ratio from which on a fit begins with a larger cell. One that is too small runs empty before its record ends, which
 tells a fit little but that; a tenth is less than the deviation of the area's prior, and counters of charge drift by up
-to as much in a cycle. What a record does not take out of a cell may still be in it: down to the ratio of two cells of one type the
-search finds the size."""
+to as much in a cycle. What a record does not take out of a cell may still be in it: down to the ratio of two cells of
+one type the search finds the size."""
 
 _FAR_LARGER, _LARGE_AH = 100.0, 100.0
 """Ratio of capacities, and charge, from which on a current in mA that is taken for one in A is a likely reason: few
