@@ -30,7 +30,7 @@ from ...core.task import CellModel, Experiment, Protocol, Task
 from ...core.trajectory import FloatArray, Trajectory
 from ..campaign.running import Plan
 from ..campaign.study_cell import StudyCell, plan_study
-from ..campaign.summary import exact_interval, grouped
+from ..campaign.summary import grouped
 from ..campaign.text_tables import markdown_table
 from ..run import execute_run
 from ..tasks.cell_for_records import WIDTH
@@ -333,7 +333,7 @@ def plan_coverage(store: Path, count: int, seed: int, model: str, points: int, s
 
 
 def coverage_table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """The share of intervals that contain the truth, by grade, with its exact bounds.
+    """The share of intervals that contain the truth, by grade, with its bounds.
 
     And how far from the middle the truth lies in the median, which tells intervals that are wider than they need be.
     """
@@ -345,9 +345,29 @@ def coverage_table(rows: Sequence[Mapping[str, Any]]) -> str:
         if found:
             share = f"{100 * sum(found) / len(found):.0f} %"
             off = f"{np.median([_off_middle(row) for row in members]):.2f}"
-            lines.append([grade, str(len(found)), share, exact_interval(sum(found), len(found)), off])
-    heads = ["grade", "intervals", "contain the truth", "bounds", "truth off the middle / half widths, median"]
+            lines.append([grade, str(len(found)), share, _bounds(members), off])
+    heads = ["grade", "intervals", "contain the truth", "95 % bounds", "truth off the middle / half widths, median"]
     return markdown_table(heads, lines)
+
+
+def _bounds(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Bounds of a share of intervals, in percent, where those of one task miss the truth together.
+
+    Exact bounds of as many independent intervals as have the variance of the share over tasks (Korn and Graubard, Surv.
+    Methodol. 24 (1998) 193); where all contain the truth, of as many as there are tasks.
+    """
+    from scipy.stats import beta
+
+    tasks = grouped(rows, "task").values()
+    share = sum(int(row["contained"]) for row in rows) / len(rows)
+    off = np.array([sum(int(row["contained"]) - share for row in of_task) for of_task in tasks])
+    variance = float(off @ off) / len(rows) ** 2 * len(off) / max(len(off) - 1, 1)
+    of_one, most = share * (1.0 - share), float(len(rows))
+    independent = len(off) if of_one == 0.0 else most if of_one >= most * variance else of_one / variance
+    held, missed = share * independent, (1.0 - share) * independent
+    low = beta.ppf(0.025, held, missed + 1.0) if held > 0.0 else 0.0
+    high = beta.ppf(0.975, held + 1.0, missed) if missed > 0.0 else 1.0
+    return f"{100 * low:.0f} to {100 * high:.0f} %"
 
 
 def _off_middle(row: Mapping[str, Any]) -> float:
