@@ -80,7 +80,7 @@ def test_a_usual_cell_is_not_asked_for_its_unit_where_the_set_is_of_a_tiny_one()
 
 def test_a_cell_that_gives_a_little_more_than_the_set_holds_is_larger_and_one_that_gives_a_little_less_is_not() -> None:
     assert factor_of(record(4.2, 2.5, 0.9 * HOLDS_AH)) == (1.0, "")
-    assert factor_of(record(4.2, 2.5, 1.05 * HOLDS_AH)) == (1.0, "")
-    factor, said = factor_of(record(4.2, 2.5, 1.15 * HOLDS_AH))
-    assert factor == pytest.approx(1.15, rel=1e-3)
+    assert factor_of(record(4.2, 2.5, 1.01 * HOLDS_AH)) == (1.0, "")
+    factor, said = factor_of(record(4.2, 2.5, 1.05 * HOLDS_AH))
+    assert factor == pytest.approx(1.05, rel=1e-3)
     assert "--no-scale keeps it" in said
