@@ -41,12 +41,16 @@ class Record:
         Everything that was assumed or repaired, with row numbers; shown to the user.
     ambient_k : float or None
         Ambient temperature in kelvin, where known.
+    charged_gaps_s : tuple of float
+        Times of the last samples before silences in which charge passed, by the file's own counter, s on the clock of
+        the trajectory.
     """
 
     name: str
     trajectory: Trajectory
     notes: tuple[str, ...] = ()
     ambient_k: float | None = None
+    charged_gaps_s: tuple[float, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Record {self.name}: {self._words}>"

@@ -3,6 +3,7 @@
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..printable import counted, rounded
 from ..trajectory import SECONDS_PER_HOUR, FloatArray, StepKind, Trajectory
@@ -38,13 +39,26 @@ def charge_notes(samples: Samples, trajectory: Trajectory) -> list[str]:
     return notes + _of_offset(trajectory) + _of_drift(trajectory)
 
 
-def _of_counter(samples: Samples, drawn: FloatArray, passed: FloatArray) -> list[str]:
+def charged_gaps(samples: Samples, trajectory: Trajectory) -> NDArray[np.intp]:
+    """The samples before silences in which charge passed, by the file's own counter; see `charge_notes`."""
+    passed = counted_between(samples)
+    if passed is None:
+        return np.zeros(0, dtype=np.intp)
+    return np.intersect1d(_largely_missed(samples, trajectory.discharge_capacity, passed)[1], gaps_in(samples))
+
+
+def _largely_missed(samples: Samples, drawn: FloatArray, passed: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Charge that the counter has and the samples have not, A.h, and the samples after which that is worth saying."""
     size = min(float(np.ptp(drawn)), float(np.ptp(np.nancumsum(passed))) or np.inf)
     missed = passed - np.diff(drawn)
     missed[~np.isfinite(missed)] = 0.0  # without a counter nothing is known
     if samples.sheet is not None:
         missed[np.diff(samples.sheet) != 0] = 0.0  # each file's counters begin anew
-    large = np.flatnonzero(np.abs(missed) > NOTED_SHARE * size)
+    return missed, np.flatnonzero(np.abs(missed) > NOTED_SHARE * size)
+
+
+def _of_counter(samples: Samples, drawn: FloatArray, passed: FloatArray) -> list[str]:
+    missed, large = _largely_missed(samples, drawn, passed)
     gaps = gaps_in(samples)
     silent, late = np.intersect1d(large, gaps), np.setdiff1d(large, gaps)
     late = late[np.diff(samples.time)[late] > LATE_S]

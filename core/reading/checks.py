@@ -11,7 +11,7 @@ from ..record import ReadOptions, Record
 from ..segmentation import segment
 from ..trajectory import Trajectory
 from .ambient import HOT_C, ambient_of, measured_ambient
-from .charge import charge_notes
+from .charge import charge_notes, charged_gaps
 from .clock import check_order, with_clock
 from .counters import with_switches_counted
 from .current_sign import with_sign
@@ -75,7 +75,8 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
         )
     if options.cycles is not None:
         trajectory = trajectory.slice(chosen.start, chosen.stop)
-    return Record(samples.source, trajectory, samples.notes, ambient)
+    charged_s = tuple(samples.time[charged_gaps(samples, measured)].tolist())
+    return Record(samples.source, trajectory, samples.notes, ambient, charged_s)
 
 
 def _without_offset(samples: Samples, offset_a: float) -> Samples:

@@ -12,7 +12,9 @@ from .gaps import FLOWS, gaps_in
 
 
 def parts_between_gaps(record: Record) -> list[Record]:
-    """The record, cut where it is silent for long beside a load: when that began or ended, nobody wrote down.
+    """The record, cut where it is silent for long beside a load, or while charge passed by the file's own counter.
+
+    When a load beside a silence began or ended nobody wrote down, nor how the charge of a silence passed.
 
     A part that begins at rest has a state of charge of its own, and is a record of its own. One that begins under load,
     as the whole record may, shows no open-circuit voltage, and one of a few samples is no record; these are left out
@@ -22,7 +24,8 @@ def parts_between_gaps(record: Record) -> list[Record]:
     trajectory = record.trajectory
     loaded = np.abs(trajectory.current) > FLOWS * np.max(np.abs(trajectory.current), initial=0.0)
     gaps = gaps_in(trajectory)
-    cuts = gaps[loaded[gaps] | loaded[gaps + 1]] + 1
+    charged = np.isin(trajectory.time[gaps], record.charged_gaps_s)
+    cuts = gaps[loaded[gaps] | loaded[gaps + 1] | charged] + 1
     if len(cuts) == 0:
         return [record]
     edges = list(pairwise([0, *map(int, cuts), len(trajectory)]))
@@ -30,8 +33,8 @@ def parts_between_gaps(record: Record) -> list[Record]:
     kept = kept or [max(edges, key=lambda edge: edge[1] - edge[0])]
     left_out_s = sum(float(np.ptp(trajectory.time[a:b])) for a, b in edges if (a, b) not in kept)
     note = (
-        f"it is silent for long beside a load, so that the charge is not known (silences: {len(cuts)}); records that "
-        f"are used of it, each with its own state of charge: {len(kept)}"
+        "it is silent for long beside a load, or while charge passed, so that what the cell went through is not known "
+        f"(silences: {len(cuts)}); records that are used of it, each with its own state of charge: {len(kept)}"
     )
     if len(kept) < len(edges):
         hours = left_out_s / SECONDS_PER_HOUR

@@ -1,5 +1,7 @@
 """Records that are silent while a charge may have passed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bsa.core.reading.parts import parts_between_gaps
@@ -20,6 +22,16 @@ def test_a_record_without_silence_or_silent_at_rest_is_one() -> None:
         (0.0, 600.0, 0.0), (600.0, 1200.0, 1.0), (1800.0, 600.0, 0.0), (9000.0, 600.0, 0.0), (9600.0, 600.0, 1.0)
     )
     assert parts_between_gaps(whole) == [whole]
+
+
+def test_a_silence_between_rests_in_which_charge_passed_parts_a_record() -> None:
+    """A pulse test without the discharges between its sets: all of it had been simulated from one state of charge."""
+    whole = record(
+        (0.0, 600.0, 0.0), (600.0, 1200.0, 1.0), (1800.0, 600.0, 0.0), (9000.0, 600.0, 0.0), (9600.0, 600.0, 1.0)
+    )
+    first, second = parts_between_gaps(replace(whole, charged_gaps_s=(2390.0,)))
+    assert second.trajectory.time[0] == 9000.0
+    assert "or while charge passed" in first.notes[-1]
 
 
 def test_parts_at_rest_are_records_and_those_under_load_are_left_out() -> None:
