@@ -83,8 +83,8 @@ def chosen_potentials(
         raise BsaError(
             "no record shows open-circuit voltages over half of its charge.",
             "open-circuit potentials are chosen by a charge or discharge at 1C or less (best at C/10 or less), or by a "
-            "pulse test with rests of ten minutes (if another file holds the discharges between its pulses, say --join): "
-            f"add one, or {otherwise}.",
+            "pulse test with rests of ten minutes (if another file holds the discharges between its pulses, say "
+            f"--join): add one, or {otherwise}.",
         )
     known = {which: published_potentials(which) for which in ELECTRODES}
     if wanted == NEAREST:
