@@ -2,7 +2,7 @@ import time
 
 import pytest
 from bsa.core.redaction import REDACTED, redact
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 
@@ -19,6 +19,7 @@ def test_what_stands_around_a_key_stays():
 
 @given(st.text(st.characters(codec="ascii", categories=("L", "N", "P")), min_size=1, max_size=60))
 def test_a_key_of_any_length_is_taken_out(key):
+    assume(key not in ("Bearer", "refused"))  # Those words of the message would be taken out too.
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SOME_API_KEY", key)
         assert redact(f"Bearer {key} refused") == f"Bearer {REDACTED} refused"

@@ -36,7 +36,7 @@ _T_NO_PROGRESS_S = 10.0
 _STUCK = 3
 """Times that the limit may be reached again within one pause."""
 
-_EASED = 0.9
+_FALLEN = 0.9
 """Share of the current at which a cell reached its limit, below which it is tried again with what is measured. The
 current of a voltage hold decays: a cell that is full for a moment as the hold begins would else lack all of its charge,
 and a parameter that moves that moment by a second would move the misfit by 100 mV. Each trial costs a restart, 28 in a
@@ -236,7 +236,7 @@ class DrivenCell:
         """Simulate the cell itself, whatever it runs into; arguments as for `solve`.
 
         A candidate that empties (or overfills) its cell before a step ends must say how wrong it is, not fail: it
-        shows the limit and passes no current until the measured one has eased or the step ends, and goes on from
+        shows the limit and passes no current until the measured one has fallen or the step ends, and goes on from
         there. So the error grows steadily with the charge that is lacking, and a fit finds its way back.
         """
         first, last = float(self._stops[0]), float(self._stops[-1])
@@ -283,7 +283,7 @@ class DrivenCell:
                 continue
             step_end = float(self._stops[self._stops > reached + JUMP_S][0])
             is_empty = self._is_empty(reached, float(parts[-1][1][-1]))
-            pauses.append(Pause(reached, self._eased_at(reached, step_end), step_end, is_empty))
+            pauses.append(Pause(reached, self._fallen_at(reached, step_end), step_end, is_empty))
             # Already over when the integrator goes on, so that the limit is not reached at once again.
             pause, stuck = (reached - 2 * JUMP_S, pauses[-1].end), 0
         return "the cell is at its limit again as soon as no current passes"
@@ -297,8 +297,8 @@ class DrivenCell:
         flowing = self._flowing(reached)
         return flowing > 0.0 if flowing else voltage < float(np.mean(self._cell.window_v))
 
-    def _eased_at(self, reached: float, step_end: float) -> float:
-        """When the current of a hold has eased from that at which the cell reached its limit; else the step's end."""
+    def _fallen_at(self, reached: float, step_end: float) -> float:
+        """When the current of a hold has fallen from that at which the cell reached its limit; else the step's end."""
         varies = np.any((self._drive.varying > reached) & (self._drive.varying < step_end))
         flowing = self._flowing(reached)
         if varies or flowing == 0.0:
@@ -306,10 +306,10 @@ class DrivenCell:
         knots = self._drive.time[(self._drive.time > reached + JUMP_S) & (self._drive.time < step_end)]
         times = np.concatenate([[reached + JUMP_S], knots, [step_end]])
         share = self.current(times, ()) / flowing
-        eased = int(np.argmax(share < _EASED))
-        if eased == 0:
+        below = int(np.argmax(share < _FALLEN))
+        if below == 0:
             return step_end
-        return float(np.interp(-_EASED, -share[eased - 1 : eased + 1], times[eased - 1 : eased + 1]))
+        return float(np.interp(-_FALLEN, -share[below - 1 : below + 1], times[below - 1 : below + 1]))
 
     def _beyond_cut_off(self, voltage: float) -> bool:
         """Whether a cell that the integrator gave up on was about to run empty or full: there its voltage collapses."""

@@ -42,9 +42,8 @@ class DrivenExperiment:
     def solve(self, candidate: Candidate, on_step: Callable[[str, int], None] | None = None) -> ExperimentRun:
         """Simulate one candidate at the samples and in the steps of the record.
 
-        A candidate whose cell runs empty or full goes on without current until the measured one has eased, or the step
-        ends, and says so (`ExperimentRun.limits`). One that the integrator gives up has the samples that it
-        reached.
+        A candidate whose cell runs empty or full goes on without current until the measured one has fallen, or the step
+        ends, and says so (`ExperimentRun.limits`). One that the integrator gives up has the samples that it reached.
         """
         response = self._driven.follow(candidate, self._times)
         begin = float(self._record.time[0])
