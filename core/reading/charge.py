@@ -1,5 +1,6 @@
 """Says where the charge of a record is uncertain: in gaps, between samples, and over many cycles."""
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -29,39 +30,46 @@ DRIFT_SHARE = 0.002
 """A cell loses less than this share of its capacity a cycle; a larger drift of the net charge is the instrument's."""
 
 
-def charge_notes(samples: Samples, trajectory: Trajectory) -> list[str]:
-    """What a user should know about the charge of a record.
+@dataclass(frozen=True, eq=False)
+class CountedCharge:
+    """What a file's own counter says beside the current of its n samples."""
 
-    The checked samples, current positive on discharge, come with the same cut into steps.
-    """
-    passed = counted_between(samples)
-    notes = [] if passed is None else _of_counter(samples, trajectory.discharge_capacity, passed)
-    return notes + _of_offset(trajectory) + _of_drift(trajectory)
+    passed: FloatArray  # Charge drawn between neighbouring samples by the counter, A.h. Shape (n - 1,).
+    missed: FloatArray  # How much of it the samples do not show, A.h; 0 where nothing is known. Shape (n - 1,).
+    # silent, late: The samples after which much is missed: in a long silence, and between others far apart.
+    silent: NDArray[np.intp]
+    late: NDArray[np.intp]
 
 
-def charged_gaps(samples: Samples, trajectory: Trajectory) -> NDArray[np.intp]:
-    """The samples before silences in which charge passed, by the file's own counter; see `charge_notes`."""
+def counted_charge(samples: Samples, trajectory: Trajectory) -> CountedCharge | None:
+    """What the counter of the checked samples says; None without one. The same samples come cut into steps."""
     passed = counted_between(samples)
     if passed is None:
-        return np.zeros(0, dtype=np.intp)
-    return np.intersect1d(_largely_missed(samples, trajectory.discharge_capacity, passed)[1], gaps_in(samples))
-
-
-def _largely_missed(samples: Samples, drawn: FloatArray, passed: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
-    """Charge that the counter has and the samples have not, A.h, and the samples after which that is worth saying."""
+        return None
+    drawn = trajectory.discharge_capacity
     size = min(float(np.ptp(drawn)), float(np.ptp(np.nancumsum(passed))) or np.inf)
     missed = passed - np.diff(drawn)
     missed[~np.isfinite(missed)] = 0.0  # without a counter nothing is known
     if samples.sheet is not None:
         missed[np.diff(samples.sheet) != 0] = 0.0  # each file's counters begin anew
-    return missed, np.flatnonzero(np.abs(missed) > NOTED_SHARE * size)
-
-
-def _of_counter(samples: Samples, drawn: FloatArray, passed: FloatArray) -> list[str]:
-    missed, large = _largely_missed(samples, drawn, passed)
+    large = np.flatnonzero(np.abs(missed) > NOTED_SHARE * size)
     gaps = gaps_in(samples)
-    silent, late = np.intersect1d(large, gaps), np.setdiff1d(large, gaps)
-    late = late[np.diff(samples.time)[late] > LATE_S]
+    late = np.setdiff1d(large, gaps)
+    return CountedCharge(passed, missed, np.intersect1d(large, gaps), late[np.diff(samples.time)[late] > LATE_S])
+
+
+def charge_notes(samples: Samples, trajectory: Trajectory, found: CountedCharge | None) -> list[str]:
+    """What a user should know about the charge of a record.
+
+    The checked samples, current positive on discharge, come with the same cut into steps, and with their
+    `counted_charge`.
+    """
+    notes = [] if found is None else _of_counter(samples, found)
+    return notes + _of_offset(trajectory) + _of_drift(trajectory)
+
+
+def _of_counter(samples: Samples, found: CountedCharge) -> list[str]:
+    passed, missed, silent, late = found.passed, found.missed, found.silent, found.late
     notes = []
     if len(silent):
         k = int(silent[np.argmax(np.abs(passed[silent]))])

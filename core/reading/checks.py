@@ -11,7 +11,7 @@ from ..record import ReadOptions, Record
 from ..segmentation import segment
 from ..trajectory import Trajectory
 from .ambient import HOT_C, ambient_of, measured_ambient
-from .charge import charge_notes, charged_gaps
+from .charge import charge_notes, counted_charge
 from .clock import check_order, with_clock
 from .counters import with_switches_counted
 from .current_sign import with_sign
@@ -56,7 +56,8 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     )
     extra = samples.extra
     trajectory = segment(measured, extra.get("step"), extra.get("cycle"), extra.get("test"))
-    for note in (*charge_notes(samples, trajectory), *still_voltage_note(samples)):
+    counter = counted_charge(samples, trajectory)
+    for note in (*charge_notes(samples, trajectory, counter), *still_voltage_note(samples)):
         samples = samples.noted(note)
     chosen = _selected(trajectory, options, samples.source)
     ambient, words = _ambient(samples, chosen, options)
@@ -75,7 +76,7 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
         )
     if options.cycles is not None:
         trajectory = trajectory.slice(chosen.start, chosen.stop)
-    charged_s = tuple(samples.time[charged_gaps(samples, measured)].tolist())
+    charged_s = () if counter is None else tuple(samples.time[counter.silent].tolist())
     return Record(samples.source, trajectory, samples.notes, ambient, charged_s)
 
 

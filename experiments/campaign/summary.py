@@ -73,12 +73,18 @@ def grouped(rows: Iterable[Item], *names: str) -> dict[Any, list[Item]]:
     return groups
 
 
-def exact_interval(count: int, of: int) -> str:
-    """The exact 95 % interval of a share (Clopper and Pearson, Biometrika 26 (1934) 404), in percent."""
-    from scipy import stats
+def exact_bounds(count: float, of: float) -> tuple[float, float]:
+    """The exact 95 % interval of a share (Clopper and Pearson, Biometrika 26 (1934) 404); counts may be fractions."""
+    from scipy.stats import beta
 
-    found = stats.binomtest(count, of).proportion_ci(0.95, method="exact")
-    low, high = (f"{100 * end:.2g}".replace("1e+02", "100") for end in (found.low, found.high))
+    low = float(beta.ppf(0.025, count, of - count + 1.0)) if count > 0.0 else 0.0
+    high = float(beta.ppf(0.975, count + 1.0, of - count)) if count < of else 1.0
+    return low, high
+
+
+def exact_interval(count: int, of: int) -> str:
+    """The same in words, in percent."""
+    low, high = (f"{100 * end:.2g}".replace("1e+02", "100") for end in exact_bounds(count, of))
     return f"exact 95 % interval {low} to {high} %"
 
 

@@ -30,7 +30,7 @@ from ...core.task import CellModel, Experiment, Protocol, Task
 from ...core.trajectory import FloatArray, Trajectory
 from ..campaign.running import Plan
 from ..campaign.study_cell import StudyCell, plan_study
-from ..campaign.summary import grouped
+from ..campaign.summary import exact_bounds, grouped
 from ..campaign.text_tables import markdown_table
 from ..run import execute_run
 from ..tasks.cell_for_records import WIDTH
@@ -356,17 +356,13 @@ def _bounds(rows: Sequence[Mapping[str, Any]]) -> str:
     Exact bounds of as many independent intervals as have the variance of the share over tasks (Korn and Graubard, Surv.
     Methodol. 24 (1998) 193); where all contain the truth, of as many as there are tasks.
     """
-    from scipy.stats import beta
-
     tasks = grouped(rows, "task").values()
     share = sum(int(row["contained"]) for row in rows) / len(rows)
     off = np.array([sum(int(row["contained"]) - share for row in of_task) for of_task in tasks])
     variance = float(off @ off) / len(rows) ** 2 * len(off) / max(len(off) - 1, 1)
     of_one, most = share * (1.0 - share), float(len(rows))
     independent = len(off) if of_one == 0.0 else most if of_one >= most * variance else of_one / variance
-    held, missed = share * independent, (1.0 - share) * independent
-    low = beta.ppf(0.025, held, missed + 1.0) if held > 0.0 else 0.0
-    high = beta.ppf(0.975, held + 1.0, missed) if missed > 0.0 else 1.0
+    low, high = exact_bounds(share * independent, independent)
     return f"{100 * low:.0f} to {100 * high:.0f} %"
 
 

@@ -237,7 +237,7 @@ class DrivenCell:
 
         A candidate that empties (or overfills) its cell before a step ends must say how wrong it is, not fail: it
         shows the limit and passes no current until the measured one has fallen or the step ends, and goes on from
-        there. So the error grows steadily with the charge that is lacking, and a fit finds its way back.
+        there. So the error grows steadily with the charge that is lacking, and its slope leads a fit back.
         """
         first, last = float(self._stops[0]), float(self._stops[-1])
         parts: list[_Part] = []
