@@ -83,11 +83,12 @@ class ReadOptions(BaseModel, extra="forbid", frozen=True):
         allow_inf_nan=False,
         description="Current in A for a file without a current column, in the sign convention of `current_sign`.",
     )
-    current_offset_a: float = Field(
-        default=0.0,
+    current_offset_a: float | None = Field(
+        default=None,
         allow_inf_nan=False,
         description="What the instrument adds to every current that is not zero, in A, positive on charge whatever the "
-        "file's sign; it is taken off.",
+        "file's sign; it is taken off. Left out: nothing, but a fit searches it where a record does not bring its "
+        "charge back.",
     )
     voltage_lag_s: float | None = Field(
         default=None,

@@ -19,6 +19,7 @@ THERMODYNAMIC_FACTOR = "Thermodynamic factor"
 
 _FACTOR = " factor"
 
+_CURRENT_OFFSET = re.compile(r"Current offset: (.+) \[A\]")
 _DIFFUSIVITY_SHAPE = re.compile(r"(Negative|Positive) particle diffusivity factor at stoichiometry (\d*\.?\d+)")
 _INITIAL_VOLTAGE = re.compile(rf"{INITIAL_VOLTAGE}(?: at (\d+\.?\d*) V)? \[V\]")
 _OCP_SHAPE = re.compile(r"(Negative|Positive) electrode OCP correction at stoichiometry (\d*\.?\d+) \[V\]")
@@ -62,7 +63,7 @@ class InitialVoltage:
 
 @dataclass(frozen=True)
 class CurrentOffset:
-    """Adds to the measured current of a record, A."""
+    """Adds to the measured current of a record wherever one passes, A, positive on discharge."""
 
     record: str  # Name of the record.
 
@@ -125,6 +126,11 @@ def soc_name(record: str) -> str:
     return f"{INITIAL_SOC}: {record}"
 
 
+def current_offset_name(record: str) -> str:
+    """Name of the offset of the current of one record."""
+    return f"Current offset: {record} [A]"
+
+
 def initial_voltage_name(near: float | None = None) -> str:
     """Name of the correction of the voltage at which records start, near a rest voltage in V."""
     return f"{INITIAL_VOLTAGE} [V]" if near is None else f"{INITIAL_VOLTAGE} at {near:.2f} V [V]"
@@ -145,14 +151,17 @@ def target_named(name: str, known: Iterable[str] = ()) -> Target:
 
     ``"NAME"`` is a value, ``"NAME factor"`` a multiplier. Others are ``"Initial state of charge"`` (of one record:
     ``"Initial state of charge: RECORD"``), ``"Initial voltage correction at 4.18 V [V]"`` (of all records without
-    ``at 4.18 V``), ``"Cyclable lithium factor"``, ``"Positive electrode OCP correction at
-    stoichiometry 0.3 [V]"`` and ``"Positive particle diffusivity factor at stoichiometry 0.9"``. ``known`` are names of
-    the parameter set: one of these is a value, whatever it ends with.
+    ``at 4.18 V``), ``"Current offset: RECORD [A]"``, ``"Cyclable lithium factor"``, ``"Positive electrode OCP
+    correction at stoichiometry 0.3 [V]"`` and ``"Positive particle diffusivity factor at stoichiometry 0.9"``.
+    ``known`` are names of the parameter set: one of these is a value, whatever it ends with.
     """
     if name == INITIAL_SOC:
         return InitialSoc()
     if name.startswith(soc_name("")):
         return InitialSoc(name.removeprefix(soc_name("")))
+    offset = _CURRENT_OFFSET.fullmatch(name)
+    if offset is not None:
+        return CurrentOffset(offset[1])
     start = _INITIAL_VOLTAGE.fullmatch(name)
     if start is not None:
         return InitialVoltage(None if start[1] is None else float(start[1]))

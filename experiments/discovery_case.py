@@ -397,11 +397,12 @@ def _request(options: DiscoverOptions, file: RecordFile, soc: float | None = Non
 def _parts(options: DiscoverOptions, file: RecordFile, soc: float | None = None) -> list[tuple[str, RecordRequest]]:
     """What is asked of each part of a record whose charge is known, under a name.
 
-    A voltage that is written late is kept so, unless a lag was given: it is an effect of the catalogue, found in all
-    records together, and reading would take it back from those alone whose current varies.
+    A voltage that is written late is kept so, unless a lag was given, and a current its offset: they are effects of the
+    catalogue, found in all records together, and would be taken back from those alone that show them by themselves.
     """
-    if file.read.voltage_lag_s is None:
-        file = file.model_copy(update={"read": file.read.model_copy(update={"voltage_lag_s": 0.0})})
+    said = file.read
+    kept = {"voltage_lag_s": said.voltage_lag_s or 0.0, "current_offset_a": said.current_offset_a or 0.0}
+    file = file.model_copy(update={"read": said.model_copy(update=kept)})
     parts = _request(options, file, soc).parts()
     stem = file.path.stem
     return [(stem if len(parts) == 1 else f"{stem}, part {n}", part) for n, part in enumerate(parts, start=1)]

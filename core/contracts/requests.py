@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..effect import Effect
 from ..parameters import Candidate
-from ..target import soc_name
+from ..target import current_offset_name, soc_name
 from ..trajectory import FloatArray, StepKind, Trajectory
 
 _MANY = 6
@@ -35,7 +35,7 @@ class MeasuredRecord:
     @property
     def offset_name(self) -> str:
         """The fitted parameter that is added to this record's current."""
-        return f"Current offset: {self.name} [A]"
+        return current_offset_name(self.name)
 
     @property
     def own_names(self) -> tuple[str, str]:

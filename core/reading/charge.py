@@ -41,6 +41,26 @@ class CountedCharge:
     late: NDArray[np.intp]
 
 
+@dataclass(frozen=True)
+class UnreturnedCharge:
+    """Charge that a record does not bring back although it ends near the rest voltage where it began."""
+
+    # began_v, ended_v: Rest voltages, V.
+    began_v: float
+    ended_v: float
+    net_ah: float  # Drawn less charged, A.h.
+    range_ah: float  # Between the emptiest and the fullest moment, A.h.
+    between_ah: (
+        float  # Drawn between the first of these rest voltages and the last, as far as the record shows it, A.h.
+    )
+    hours: float  # How long a current passed.
+
+    @property
+    def offset_a(self) -> float:
+        """What the instrument would have to add to every current, A, positive on discharge."""
+        return (self.net_ah - self.between_ah) / self.hours
+
+
 def counted_charge(samples: Samples, trajectory: Trajectory) -> CountedCharge | None:
     """What the counter of the checked samples says; None without one. The same samples come cut into steps."""
     passed = counted_between(samples)
@@ -88,13 +108,13 @@ def _of_counter(samples: Samples, found: CountedCharge) -> list[str]:
     return notes
 
 
-def _of_offset(trajectory: Trajectory) -> list[str]:
-    """The charge that a record does not bring back although it ends at the rest voltage where it began."""
+def unreturned_charge(trajectory: Trajectory) -> UnreturnedCharge | None:
+    """The charge that a record of one cycle does not bring back; None where it brings it back, or need not."""
     first, last = trajectory.steps[0], trajectory.steps[-1]
     if first is last or first.kind is not StepKind.REST or last.kind is not StepKind.REST:
-        return []
+        return None
     if np.all(trajectory.current >= 0.0) or np.all(trajectory.current <= 0.0):
-        return []  # a pulse, behind which the voltage comes back though the charge does not
+        return None  # a pulse, behind which the voltage comes back though the charge does not
     # What a cell shows after a silence is of another temperature, and perhaps of another charge.
     silent = [int(k) for k in gaps_in(trajectory) if k >= last.start]
     began_v, ended_v = resting_voltage(trajectory), trajectory.voltage[silent[0] if silent else last.stop - 1]
@@ -103,12 +123,29 @@ def _of_offset(trajectory: Trajectory) -> list[str]:
     hours = float(np.sum(np.diff(trajectory.time)[passing[:-1]])) / SECONDS_PER_HOUR
     net, size = float(drawn[-1]), float(np.ptp(drawn))
     if abs(ended_v - began_v) > SAME_REST_V or abs(net) < NOT_BACK_SHARE * size or len(trajectory.cycles) > 1:
+        return None
+    between = _drawn_over(trajectory, first.stop, began_v - float(ended_v))
+    return UnreturnedCharge(began_v, float(ended_v), net, size, between, hours)
+
+
+def _drawn_over(trajectory: Trajectory, start: int, fall_v: float) -> float:
+    """The charge over which the voltage of a slow record falls by so much, by its slope behind a sample, A.h."""
+    behind = slice(start + 1, None)  # The first sample under load has fallen by the cell's resistance.
+    voltage, drawn = trajectory.voltage[behind], trajectory.discharge_capacity[behind]
+    there = np.abs(voltage - voltage[:1]) >= abs(fall_v)
+    return float(np.copysign(drawn[np.argmax(there)] - drawn[0], fall_v)) if np.any(there) else 0.0
+
+
+def _of_offset(trajectory: Trajectory) -> list[str]:
+    found = unreturned_charge(trajectory)
+    if found is None:
         return []
+    way = "more is drawn than charged" if found.net_ah > 0 else "more is charged than drawn"
     return [
-        f"it begins at rest at {began_v:.3f} V and ends so at {ended_v:.3f} V, yet {rounded(abs(net), 3)} A.h more "
-        f"{'is drawn than charged' if net > 0 else 'is charged than drawn'} ({100 * abs(net) / size:.2g} %): an offset "
-        f"of the current of up to {1e3 * abs(net) / hours:.2g} mA would explain it "
-        f"(--current-offset {-net / hours:.2g})."
+        f"it begins at rest at {found.began_v:.3f} V and ends so at {found.ended_v:.3f} V, yet "
+        f"{rounded(abs(found.net_ah), 3)} A.h {way} "
+        f"({100 * abs(found.net_ah) / found.range_ah:.2g} %): an offset of the current of "
+        f"{1e3 * abs(found.offset_a):.2g} mA would explain it (--current-offset {-found.offset_a:.2g})."
     ]
 
 

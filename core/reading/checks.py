@@ -80,9 +80,9 @@ def to_record(samples: Samples, options: ReadOptions) -> Record:
     return Record(samples.source, trajectory, samples.notes, ambient, charged_s)
 
 
-def _without_offset(samples: Samples, offset_a: float) -> Samples:
+def _without_offset(samples: Samples, offset_a: float | None) -> Samples:
     """The samples less what the instrument adds to the current wherever one passes."""
-    if offset_a == 0.0:
+    if not offset_a:
         return samples
     current = np.where(samples.current == 0.0, 0.0, samples.current + offset_a)  # positive on discharge by now
     return replace(samples, current=current).noted(

@@ -168,7 +168,8 @@ class Reading:
         list[float] | None,
         records_option(
             metavar="A",
-            help="What the instrument adds to every current that is not zero, positive on charge; repeat likewise.",
+            help="What the instrument adds to every current that is not zero, positive on charge (0 keeps the current "
+            "of a record that does not bring its charge back); repeat likewise.",
         ),
     ] = None
     voltage_lag: Annotated[

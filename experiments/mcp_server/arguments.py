@@ -21,7 +21,11 @@ class Reading(BaseModel, extra="forbid"):
         "charge-positive", description="charge-positive (as cyclers write), discharge-positive or auto."
     )
     constant_current: float | None = Field(None, description="Current of a file without a current column, A.")
-    current_offset: float = Field(0.0, description="What the instrument adds to the current, A, positive on charge.")
+    current_offset: float | None = Field(
+        None,
+        description="What the instrument adds to the current, A, positive on charge; left out, what a record shows "
+        "that does not bring its charge back.",
+    )
     voltage_lag: float | None = Field(
         None, description="How much later than the current the voltage is written, s; left out, what the record shows."
     )

@@ -338,12 +338,9 @@ def hysteresis_note(records: Sequence[Record]) -> list[str]:
     # Each is off by the polarisation; two deviations more are unlikely.
     if not slow.gap_v > 2.0 * (usual_v + 2.0 * deviation_v):
         return []
-    offset = any("--current-offset" in note for record in records for note in record.notes)
     return [
         f"Slow charge and discharge are {1e3 * slow.gap_v:.0f} mV apart at the same charge, more than polarisation "
         "explains: --effect ocp-hysteresis adds a hysteresis of the open-circuit voltage to the model."
-        + " The offset of the current that is noted moves them apart too: take it off first."
-        * offset
     ]
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from ...core.ageing.long_record import long_record
 from ...core.cell import CELL, SPECTRUM, TEMPERATURE
 from ...core.errors import BsaError
+from ...core.parameters import Parameter, ParameterSpace
 from ...core.reading.switches import begins_under_load, resting_voltage, without_mixed_samples
 from ...core.record import Record
 from ...core.segmentation.recognised_protocol import with_switches
@@ -17,6 +18,7 @@ from ...core.task import CellModel, Experiment, Task
 from ...core.trajectory import Trajectory
 from .cell_for_records import ISOTHERMAL, TELLS_K, THERMAL, warms_by
 from .cell_size import other_size_note
+from .current_offsets import searched_offset, without_current_offset
 from .initial_states import KnownStart, with_searched_starts
 from .measured_cell import CellRequest, MeasuredCell, measured_cell, searched_space
 from .record_request import RECOGNISED, RecordRequest
@@ -39,6 +41,7 @@ class MeasuredExperiments:
     records: list[Record]  # Those over time.
     experiments: list[Experiment]  # One for each of them.
     starts: list[KnownStart | None]  # Where each of them starts; None where nothing is known of it.
+    offsets: list[Parameter]  # What the currents of those may be off by that did not bring their charge back.
     spectra: list[RecordRequest]  # Impedance spectra, read.
     held_out: list[RecordRequest]  # What is not fitted, read, with what is forecast of lives.
     notes: list[str]  # What is to be said of records and cell.
@@ -67,7 +70,9 @@ def measured_experiments(
         *(note for request in spectra for note in spectrum_notes(request, cell.model)),
         *cell.notes,
     ]
-    return MeasuredExperiments(cell, loaded, experiments, starts, spectra, [*forecast, *held_out], notes, said)
+    off = [searched_offset(request, record.name) for request, record in zip(records, loaded, strict=True)]
+    offsets = [offset for offset in off if offset is not None]
+    return MeasuredExperiments(cell, loaded, experiments, starts, offsets, spectra, [*forecast, *held_out], notes, said)
 
 
 def build_task(
@@ -92,6 +97,8 @@ def build_task(
     space, left_out = searched_space(wanted, cell, found.records, spectra)
     alone = len(found.experiments) + len(spectra) == 1
     space, over_time = with_searched_starts(space, found.experiments, found.starts, INITIAL_SOC in wanted.given, alone)
+    if space.prior_weights.any():
+        space = ParameterSpace((*space, *found.offsets))
     by_current = all(experiment.protocol is None for experiment in found.experiments)
     compared = by_current and warms_by(found.records) > 0.0 and cell.options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL
     signals = (*CELL.signals, *[TEMPERATURE] * compared, *(SPECTRUM if spectra else ()))
@@ -330,6 +337,7 @@ def _as_asked(request: RecordRequest) -> Record:
     assert isinstance(record, Record)
     if record.trajectory.cycle_table is not None:
         return record
+    record = without_current_offset(request, record)
     if request.reading.options.voltage_lag_s != 0.0:  # with 0 the record stays as it is
         record = without_mixed_samples(record)
     if request.protocol == RECOGNISED:

@@ -31,7 +31,10 @@ from bsa.experiments.file_reading import FileReading
 from bsa.experiments.run import read_request
 from bsa.experiments.run_record import read_run
 from bsa.experiments.task_request import Records
+from bsa.experiments.tasks.measured_cell import CellRequest
 from bsa.experiments.tasks.parameter_source import FoundCell
+from bsa.experiments.tasks.record_request import RecordRequest
+from bsa.experiments.tasks.records import build_task
 from bsa.plugins.pybamm.cells.parameter_sets import pybamm
 from bsa.plugins.pybamm.export.augmented_script import augmented_script
 from bsa.plugins.pybamm.export.calibrated_script import parameter_values_json
@@ -180,6 +183,21 @@ def test_a_voltage_that_is_written_late_is_kept_so_unless_a_lag_is_given(tmp_pat
     assert kept == pytest.approx(late)
     assert notes == []
     assert voltage(voltage_lag_s=2.0)[0][100:200] == pytest.approx(late[102:202])
+
+
+def test_a_current_keeps_its_offset_which_is_an_effect(tmp_path):
+    """A fit takes off what a record does not bring back."""
+    hours = np.arange(0.0, 44.0, 0.1)
+    true = np.select([(hours >= 1) & (hours < 21), (hours >= 22) & (hours < 42)], [-0.25, 0.25], 0.0)
+    written = np.where(true == 0.0, 0.0, true - 0.02)
+    rows = zip(3600.0 * hours, written, 4.15 + 0.012 * np.cumsum(true), strict=True)
+    path = tmp_path / "slow.csv"
+    path.write_text("\n".join(["Test Time / s,Current / A,Voltage / V", *(f"{t},{i},{v}" for t, i, v in rows)]))
+    options = DiscoverOptions(data=[{"path": path}], parameters="Chen2020", model="SPM", out=tmp_path / "out")
+    (measured,) = read_case(options).measured_records
+    assert measured.record.current == pytest.approx(-written)
+    task = build_task("t", CellRequest("Chen2020", "SPM"), [RecordRequest(path)])
+    assert task.experiments[0].target.discharge_capacity[-1] == pytest.approx(0.0, abs=1e-2)
 
 
 def test_what_was_assumed_of_the_records_is_told_before_anything_is_simulated(tmp_path, monkeypatch):

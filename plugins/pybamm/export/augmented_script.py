@@ -16,7 +16,7 @@ from ..augmentation import augmented_cell, effects_in
 from ..cells.model_options import as_built
 from ..cells.parameter_sets import FILL_FROM, load, pybamm
 from ..cells.state_of_charge import InitialState, initial_concentration
-from ..modelling.drive import current_function
+from ..modelling.drive import current_function, with_offset
 from ..modelling.resolution import Resolution
 from ..solving.driven_cell import FINE
 from .calibrated_script import filled, parameter_values_json
@@ -48,8 +48,8 @@ def augmented_script(
     change = change_of(targets, candidate)
     records = []
     for measured_record in measured_records:
-        drive = current_function(measured_record.record)
         offset = change.current_offset.get(measured_record.name, 0.0)
+        drive = with_offset(current_function(measured_record.record), offset)
         start = state.concentrations(change, change.soc_of(measured_record.name))
         kept = evenly(len(measured_record.record.time), _LONGEST)
         records.append(
@@ -62,7 +62,7 @@ def augmented_script(
                 "negative": start[initial_concentration("Negative")],
                 "positive": start[initial_concentration("Positive")],
                 "time": [round(float(t), 4) for t in drive.time],
-                "current": [round(float(i) + offset, 8) for i in drive.current],
+                "current": [round(float(i), 8) for i in drive.current],
                 "stops": [round(float(t), 4) for t in drive.stops],
                 "sample": [round(float(t), 4) for t in after_jumps(measured_record.record)[kept]],
                 "measured": [round(float(v), 5) for v in measured_record.record.voltage[kept]],

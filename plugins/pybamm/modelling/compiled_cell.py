@@ -147,7 +147,8 @@ class CompiledCell:
         current: Any = None
         if measured is not None:
             drive.widen_cut_offs(values)
-            current = drive.interpolant(measured) + pybamm.InputParameter(OFFSET)
+            current = drive.interpolant(measured)
+            current = current + pybamm.InputParameter(OFFSET) * pybamm.sign(current) ** 2
         for effect in self._effects:
             symbols = {p.name: pybamm.InputParameter(effect.full_name(p)) for p in effect.parameters}
             current = add_values(values, part_of(effect), symbols, current)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import casadi
@@ -51,6 +51,10 @@ class Piece:
     def duration(self) -> float:
         """How long it lasts, s."""
         return float(self.time[-1])
+
+    def with_offset(self, offset: float) -> Piece:
+        """The same with an offset wherever a current passes, A."""
+        return replace(self, current=_with_offset(self.current, offset))
 
     @property
     def constant(self) -> bool:
@@ -179,6 +183,15 @@ def current_function(record: Trajectory) -> CurrentFunction:
     return CurrentFunction(
         time[apart], current[apart], np.unique([first, *stops]), min(drives) if drives else None, np.array(varying)
     )
+
+
+def with_offset(current: CurrentFunction, offset: float) -> CurrentFunction:
+    """A current with an offset wherever one passes, A."""
+    return replace(current, current=_with_offset(current.current, offset))
+
+
+def _with_offset(current: FloatArray, offset: float) -> FloatArray:
+    return np.where(current == 0.0, 0.0, current + offset)
 
 
 def drawn_ah(current: CurrentFunction, times: FloatArray) -> FloatArray:

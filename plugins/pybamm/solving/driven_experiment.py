@@ -9,7 +9,7 @@ from ....core.inference.observations import after_jumps
 from ....core.parameters import Candidate
 from ....core.printable import counted, rounded
 from ....core.simulation import ExperimentRun, SimulationFailure
-from ....core.target import CellChange, Target
+from ....core.target import CellChange, Target, change_of
 from ....core.task import CellModel, Experiment
 from ....core.trajectory import Trajectory
 from ..modelling.compiled_cell import start_of
@@ -33,7 +33,9 @@ class DrivenExperiment:
         resolution: Resolution = SEARCH,
         baked: CellChange | None = None,
     ) -> None:
-        self._record = experiment.target
+        self._name, self._record = experiment.name, experiment.target
+        self._targets = dict(targets)
+        self._known = baked or CellChange()
         self._times = after_jumps(self._record)
         self._driven = DrivenCell(
             cell, (), self._record, targets, start_of(experiment), resolution.graded(), baked, any_start=False
@@ -45,7 +47,9 @@ class DrivenExperiment:
         A candidate whose cell runs empty or full goes on without current until the measured one has fallen, or the step
         ends, and says so (`ExperimentRun.limits`). One that the integrator gives up has the samples that it reached.
         """
-        response = self._driven.follow(candidate, self._times)
+        searched = change_of(self._targets, candidate)
+        offset = {**self._known.current_offset, **searched.current_offset}.get(self._name, 0.0)
+        response = self._driven.follow(candidate, self._times, offset=offset)
         begin = float(self._record.time[0])
         words = _in_words(response.pauses, self._record)
         at_limit = tuple(

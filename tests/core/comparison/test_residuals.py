@@ -1,3 +1,5 @@
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from bsa.core.cell import CURRENT, TEMPERATURE, VOLTAGE
@@ -59,3 +61,34 @@ def test_of_the_noise_of_samples_means_keep_what_they_keep(seconds: float) -> No
         task = Task("t", CellModel("Chen2020"), SPACE, (Experiment("r", noisy),))
         found.append(residuals(task, Outcome((ExperimentRun(clean),))))
     assert rms(noise_of_residuals(task)) == pytest.approx(rms(np.array(found)), rel=0.15)
+
+
+def pulsed(amperes: Sequence[float], ohm: float) -> Trajectory:
+    """Pulses of 10 s between rests of 600 s, of a cell that is a resistance."""
+    times, currents, steps, clock, count = [], [], [], 0.0, 0
+    for current in amperes:
+        for kind, flowing, seconds in ((StepKind.REST, 0.0, 600.0), (StepKind.PULSE, current, 10.0)):
+            times.append(clock + np.linspace(0.0, seconds, 51)[1:])
+            currents.append(np.full(50, flowing))
+            steps.append(Step(kind, count, count + 50, position=len(steps)))
+            clock, count = clock + seconds, count + 50
+    current = np.concatenate(currents)
+    return Trajectory(np.concatenate(times), current, 3.7 - ohm * current, None, tuple(steps))
+
+
+def test_a_large_pulse_tells_a_resistance_no_better_than_a_smaller_one() -> None:
+    amperes = (1.0, 5.0, 10.0, 20.0, 1.0)  # behind the last one is no rest
+    task = Task("t", CellModel("Chen2020"), SPACE, (Experiment("r", pulsed(amperes, 0.03)),))
+    rows, found = rows_of(task), residuals(task, Outcome((ExperimentRun(pulsed(amperes, 0.033)),)))
+    assert found is not None
+    pulses = [float(np.sqrt(np.mean(found[rows.step == place] ** 2))) for place in (1, 3, 5, 7)]
+    # Of 3 mohm too many 20 A show 60 mV, and 1 A shows 3 mV.
+    assert pulses == sorted(pulses)
+    assert pulses[3] < 1.1 * pulses[2]
+    assert pulses[3] < 3.0 * pulses[0]
+    # Errors that are small against a pulse count as they are.
+    offset = pulsed(amperes, 0.03)
+    moved = residuals(task, Outcome((ExperimentRun(offset.changed(voltage=offset.voltage + 1e-3)),)))
+    assert moved is not None
+    assert np.abs(moved) == pytest.approx(rows.scale, abs=1e-9)
+    assert np.mean(np.abs(moved[rows.step == 1])) > 5.0 * np.mean(np.abs(moved[rows.step == 7]))

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bsa.core.reading.charge import unreturned_charge
 from bsa.core.reading.checks import to_record
 from bsa.core.reading.samples import Samples
 from bsa.core.record import ReadOptions
@@ -26,6 +27,18 @@ def test_a_charge_that_does_not_come_back_names_the_offset_that_takes_it_off() -
     assert mended.trajectory.discharge_capacity[-1] == pytest.approx(0.0, abs=1e-9)
     assert mended.trajectory.current[0] == 0.0
     assert any("are taken off the current" in note for note in mended.notes)
+
+
+def test_the_charge_between_two_rest_voltages_is_no_part_of_the_offset() -> None:
+    whole = there_and_back(-0.005)
+    emptier = replace(whole, voltage=np.where(whole.time >= 42 * 3600.0, whole.voltage - 0.02, whole.voltage))
+    found, lower = (unreturned_charge(to_record(one, ReadOptions()).trajectory) for one in (whole, emptier))
+    assert found is not None
+    assert lower is not None
+    assert found.offset_a == pytest.approx(0.005, rel=0.01)
+    # Of 0.5 V/(A.h) 20 mV are 0.04 A.h.
+    assert lower.between_ah == pytest.approx(0.04, rel=0.1)
+    assert lower.offset_a == pytest.approx((lower.net_ah - lower.between_ah) / 40.0, rel=0.01)
 
 
 def test_a_rest_ends_where_the_record_is_silent() -> None:

@@ -130,7 +130,7 @@ CASES = {
     "measured current": (
         CellModel("Chen2020", "SPMe"),
         DRIVEN,
-        {RADIUS: 4.5e-6, EXCHANGE: 0.8},
+        {RADIUS: 4.5e-6, EXCHANGE: 0.8, "Current offset: drive [A]": 0.02},
     ),
 }
 

@@ -63,6 +63,27 @@ def test_a_cell_that_starts_warm_cools_to_what_is_around_it() -> None:
     assert run.trajectory.temperature[[0, -1]] == pytest.approx([308.15, 298.15], abs=0.1)
 
 
+def test_an_offset_is_added_wherever_a_current_passes() -> None:
+    record = discharge(1.0, hours=0.5)
+    name = "Current offset: r [A]"
+    changed = record.changed(current=np.where(record.current == 0.0, 0.0, record.current + 0.25))
+    wanted = compiled(SPM, Experiment("r", changed, initial_soc=0.5), {}).solve({}).trajectory
+    driven = compiled(SPM, Experiment("r", record, initial_soc=0.5), {name: target_named(name)})
+    found, unchanged = (driven.solve({name: offset}).trajectory for offset in (0.25, 0.0))
+    final = solve_reference(SPM, Experiment("r", record, initial_soc=0.5), CellChange(current_offset={"r": 0.25}))
+    assert wanted is not None
+    assert found is not None
+    assert unchanged is not None
+    assert final.trajectory is not None
+    assert np.max(np.abs(found.voltage - wanted.voltage)) < 1e-4
+    assert np.max(np.abs(final.trajectory.voltage - wanted.voltage)) < 1e-3
+    assert np.max(np.abs(unchanged.voltage - wanted.voltage)) > 5e-3
+    # The record's own current is what is compared and shown.
+    assert np.array_equal(found.current, unchanged.current)
+    other = compiled(SPM, Experiment("another", record, initial_soc=0.5), {name: target_named(name)})
+    assert np.array_equal(other.solve({name: 0.25}).trajectory.voltage, unchanged.voltage)
+
+
 @pytest.mark.slow
 def test_a_cell_that_runs_empty_is_a_finite_error_and_says_so() -> None:
     record = discharge()

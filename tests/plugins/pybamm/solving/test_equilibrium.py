@@ -136,3 +136,15 @@ def test_temperature_and_effects_on_the_potentials_are_those_of_the_driven_cell(
     assert run.trajectory is not None
     np.testing.assert_allclose(run.trajectory.voltage[0], 3.9, atol=5e-4)
     np.testing.assert_allclose(run.trajectory.voltage, driven.follow(candidate, record.time).voltage, atol=2e-3)
+
+
+def test_an_offset_of_the_current_draws_its_charge_too() -> None:
+    name = "Current offset: record [A]"
+    task = task_of(discharge(0.5), initial_soc=0.9)
+    space = ParameterSpace((*task.space, parameter(name, 0.0)))
+    (run,) = EquilibriumCell(replace(task, space=space)).outcome({**CHANGED, name: 0.5}).runs
+    more = discharge(0.5).changed(current=discharge(0.5).current + 0.5)
+    (wanted,) = EquilibriumCell(task_of(more, initial_soc=0.9)).outcome(CHANGED).runs
+    assert run.trajectory is not None
+    assert wanted.trajectory is not None
+    assert run.trajectory.voltage == pytest.approx(wanted.trajectory.voltage, abs=1e-9)
