@@ -55,13 +55,14 @@ def test_beside_dfn_the_cheaper_model_is_spme_with_the_same_effects(request_of):
     assert not EffectSimulator(CellModel("Chen2020", "SPMe"), targets).has_low_fidelity
 
 
-def test_a_current_is_offset_for_a_request_as_by_the_effect(request_of):
-    (offset,) = (effect for effect in EFFECTS if effect.key == "current-offset")
+def test_a_current_is_offset_for_a_request_wherever_one_passes(request_of):
     bare = replace(request_of, effects=(), candidate={NAME: 1.0})
-    added = {offset.full_name(offset.strength): 0.02}
-    by_effect = replace(bare, effects=(offset,), candidate=bare.candidate | added)
-    none, shifted, named = voltages("SPM", bare, replace(bare, offset=0.02), by_effect)
-    np.testing.assert_allclose(shifted, named, atol=1e-5)
+    measured = bare.measured_record
+    current = measured.record.current
+    moved = measured.record.changed(current=np.where(current == 0.0, 0.0, current + 0.02))
+    none, shifted = voltages("SPM", bare, replace(bare, offset=0.02))
+    (wanted,) = voltages("SPM", replace(bare, measured_record=replace(measured, record=moved)))
+    np.testing.assert_allclose(shifted, wanted, atol=1e-5)
     assert np.max(np.abs(shifted - none)) > 1e-3
 
 
