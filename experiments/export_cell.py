@@ -37,8 +37,10 @@ def exported(folder: Path, to: str) -> tuple[str, tuple[str, ...]]:
         return as_json(labelled(changed_values(cell, change), cell)), tuple(left_out)
     found = to_bpx(cell, change, experiment, run.task.name)
     read_back = replace(cell, parameter_set=parsed(FILES["bpx"], found.text), overrides=widened_cut_offs(cell))
-    start = CellChange(initial_soc=change.initial_soc, initial_voltage=change.initial_voltage)
-    difference = difference_on(experiment, (cell, change), (read_back, start))
+    of_records = CellChange(
+        initial_soc=change.initial_soc, initial_voltage=change.initial_voltage, current_offset=change.current_offset
+    )
+    difference = difference_on(experiment, (cell, change), (read_back, of_records))
     if difference is None:
         return found.text, (*found.left_out, "The file's cell could not be simulated on the first record.")
     return found.text, (*found.left_out, difference.words)

@@ -16,7 +16,7 @@ from ...core.errors import BsaError
 from ...core.files import file_error
 from ...core.parameters import Parameter, ParameterSpace
 from ...core.run.journal import FILE_NAME as JOURNAL
-from ...core.target import ALIKE_V, CellChange, EffectValue, InitialSoc, InitialVoltage, Target
+from ...core.target import ALIKE_V, CellChange, CurrentOffset, EffectValue, InitialSoc, InitialVoltage, Target
 from ...core.task import NEAREST, ParameterFile, ParameterSource, Task
 from ..run_record import RunRecord, read_run
 from .influence import simulated_models, with_influence
@@ -188,9 +188,17 @@ def with_its_space(task: Task, run: RunRecord, socs_given: bool = False) -> Task
     states = [parameter for parameter in task.space if searched and isinstance(parameter.target, InitialSoc)]
     if not socs_given:
         states = _started_in_the_fitted_cell(states, task, run)
-    found = [p for p in run.task.space.continued(run.best.candidate) if not isinstance(p.target, InitialSoc)]
+    names = {experiment.name for experiment in task.experiments}
+    of_others = [CurrentOffset(one.name) for one in run.task.experiments if one.name not in names]
+    found = [
+        p
+        for p in run.task.space.continued(run.best.candidate)
+        if not isinstance(p.target, InitialSoc) and p.target not in of_others
+    ]
     corrected = [p.target.near for p in found if isinstance(p.target, InitialVoltage)]
     states += [p for p in task.space if searched and _is_another_start(p.target, corrected)]
+    known = {p.name for p in found}
+    states += [p for p in task.space if isinstance(p.target, CurrentOffset) and p.name not in known]
     spectra = [experiment.is_spectrum for experiment in task.experiments]
     models = simulated_models(task.cell, not all(spectra), any(spectra))
     space, notes = with_influence(ParameterSpace((*found, *states)), models, "the earlier run")

@@ -98,7 +98,7 @@ def build_task(
     alone = len(found.experiments) + len(spectra) == 1
     space, over_time = with_searched_starts(space, found.experiments, found.starts, INITIAL_SOC in wanted.given, alone)
     if space.prior_weights.any():
-        space = ParameterSpace((*space, *found.offsets))
+        space = ParameterSpace((*space, *(offset for offset in found.offsets if offset.name not in space)))
     by_current = all(experiment.protocol is None for experiment in found.experiments)
     compared = by_current and warms_by(found.records) > 0.0 and cell.options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL
     signals = (*CELL.signals, *[TEMPERATURE] * compared, *(SPECTRUM if spectra else ()))

@@ -10,6 +10,7 @@ from ....core.errors import BsaError, did_you_mean
 from ....core.printable import listed
 from ....core.target import (
     CellChange,
+    CurrentOffset,
     DiffusivityShape,
     Factor,
     InitialSoc,
@@ -182,7 +183,7 @@ def initial_value(set_name: ParameterSource, name: str, overrides: Mapping[str, 
     target = target_in(set_name, name)
     if isinstance(target, InitialSoc):
         return _START_SOC
-    if isinstance(target, OcpShape | InitialVoltage):
+    if isinstance(target, OcpShape | InitialVoltage | CurrentOffset):
         return 0.0
     return float(_load(set_name)[name]) if isinstance(target, Value) else 1.0
 

@@ -6,13 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bsa.core.comparison.signal_metrics import SignalMetrics
+from bsa.core.feedback import Feedback
 from bsa.core.reading.checks import to_record
 from bsa.core.reading.samples import Samples
 from bsa.core.record import ReadOptions, Record
 from bsa.core.target import CurrentOffset, target_named
+from bsa.core.trial import Trial
 from bsa.experiments.file_reading import FileReading
+from bsa.experiments.run_record import RunRecord
 from bsa.experiments.tasks.current_offsets import searched_offset, without_current_offset
 from bsa.experiments.tasks.measured_cell import CellRequest
+from bsa.experiments.tasks.parameter_source import with_its_space
 from bsa.experiments.tasks.record_request import RecordRequest
 from bsa.experiments.tasks.records import build_task
 
@@ -73,3 +78,27 @@ def test_a_task_searches_the_offset_where_its_parameters_have_priors() -> None:
     space = {"Negative particle radius [m]": {"lower": 1e-6, "upper": 1e-5}}
     without = build_task("t", CellRequest("Chen2020", "SPM", search=space), [request()])
     assert CurrentOffset("slow") not in without.space.targets.values()
+
+
+def test_an_offset_that_a_person_searches_has_the_persons_range() -> None:
+    name = "Current offset: slow [A]"
+    space = {name: {"lower": -0.001, "upper": 0.002, "deviation": 0.001}}
+    task = build_task("t", CellRequest("Chen2020", "SPM", search=space), [request()])
+    assert task.space.names.count(name) == 1
+    assert (task.space[name].initial, task.space[name].upper) == (0.0, 0.002)
+
+
+def test_a_run_goes_on_with_the_offset_of_the_same_record_alone() -> None:
+    task = build_task("t", CellRequest("Chen2020", "SPM", search="cell"), [request()])
+    name = "Current offset: slow [A]"
+    best = {parameter.name: parameter.initial for parameter in task.space} | {name: 0.003}
+    trial = Trial(0, "initial", 0, best, SignalMetrics(1.0, {}), None, np.ones(3), Feedback({}), (), 0.0)
+    run = RunRecord("run", task, {}, {}, "", "finished", (trial,), (), (), trial)
+    assert with_its_space(task, run).space[name].initial == 0.003
+    sound = replace(there_and_back(0.0), name="sound")
+    other = build_task("t", CellRequest("Chen2020", "SPM", search="cell"), [RecordRequest(sound)])
+    assert name not in with_its_space(other, run).space
+    # A record that the run did not fit has an offset of its own.
+    later = replace(request(), source=replace(there_and_back(), name="later"))
+    another = build_task("t", CellRequest("Chen2020", "SPM", search="cell"), [later])
+    assert with_its_space(another, run).space["Current offset: later [A]"].initial == 0.0
