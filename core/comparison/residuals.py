@@ -38,7 +38,7 @@ _FAR = 10.0
 _SHARE_OF_CHANGE = 0.02
 """Error of a model, as a share of what a pulse has changed the signal by, that counts as one tolerance. Models of cells
 are off by some percent of a polarisation, however large that is: counted in mV, the largest pulses of a test from 0.5C
-to 6C decide the resistance that all of them show, and a drive cycle at 1C in the mean is predicted with it."""
+to 6C decide the resistance that all of them show, by which smaller currents are then predicted."""
 
 _NEARLY_EMPTY = 0.15
 """Share of the charge of a pulse test at whose end the cell may be nearly empty: within seconds the particles' surfaces

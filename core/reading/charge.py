@@ -23,6 +23,10 @@ SAME_REST_V, NOT_BACK_SHARE = 0.03, 0.05
 """Two rest voltages as near as this, in V, belong to states of charge within some percent of each other; a net charge
 beyond this share of the record's range then has another cause."""
 
+_TOLD = 0.5
+"""Share of a net charge that may lie between the two rest voltages: with more of it hardly anything is told of the
+rest."""
+
 DRIFT_CYCLES = 4
 """From so many cycles on, a net charge that drifts is told from a first cycle that began half full."""
 
@@ -50,9 +54,7 @@ class UnreturnedCharge:
     ended_v: float
     net_ah: float  # Drawn less charged, A.h.
     range_ah: float  # Between the emptiest and the fullest moment, A.h.
-    between_ah: (
-        float  # Drawn between the first of these rest voltages and the last, as far as the record shows it, A.h.
-    )
+    between_ah: float  # Drawn between the two rest voltages, as far as the record shows it, A.h.
     hours: float  # How long a current passed.
 
     @property
@@ -125,15 +127,17 @@ def unreturned_charge(trajectory: Trajectory) -> UnreturnedCharge | None:
     if abs(ended_v - began_v) > SAME_REST_V or abs(net) < NOT_BACK_SHARE * size or len(trajectory.cycles) > 1:
         return None
     between = _drawn_over(trajectory, first.stop, began_v - float(ended_v))
+    if abs(between) > _TOLD * abs(net):
+        return None  # on a flat open-circuit curve (LFP) two rest voltages tell little of the charge
     return UnreturnedCharge(began_v, float(ended_v), net, size, between, hours)
 
 
 def _drawn_over(trajectory: Trajectory, start: int, fall_v: float) -> float:
-    """The charge over which the voltage of a slow record falls by so much, by its slope behind a sample, A.h."""
+    """The charge over which a slow record falls by so much behind a sample, A.h; infinite if it never does."""
     behind = slice(start + 1, None)  # The first sample under load has fallen by the cell's resistance.
     voltage, drawn = trajectory.voltage[behind], trajectory.discharge_capacity[behind]
     there = np.abs(voltage - voltage[:1]) >= abs(fall_v)
-    return float(np.copysign(drawn[np.argmax(there)] - drawn[0], fall_v)) if np.any(there) else 0.0
+    return float(np.copysign(drawn[np.argmax(there)] - drawn[0], fall_v)) if np.any(there) else np.inf
 
 
 def _of_offset(trajectory: Trajectory) -> list[str]:

@@ -41,6 +41,14 @@ def test_the_charge_between_two_rest_voltages_is_no_part_of_the_offset() -> None
     assert lower.offset_a == pytest.approx((lower.net_ah - lower.between_ah) / 40.0, rel=0.01)
 
 
+def test_two_rest_voltages_on_a_flat_curve_tell_no_offset() -> None:
+    whole = there_and_back(-0.005)
+    drawn = (4.15 - whole.voltage) / 0.5
+    for slope in (0.015, 0.001):
+        flat = replace(whole, voltage=3.35 - slope * drawn - 0.02 * (whole.time >= 42 * 3600.0))
+        assert unreturned_charge(to_record(flat, ReadOptions()).trajectory) is None
+
+
 def test_a_rest_ends_where_the_record_is_silent() -> None:
     whole = there_and_back(-0.005)
     late = replace(
