@@ -38,9 +38,9 @@ _FAR = 10.0
 _SHARE_OF_CHANGE = 0.02
 """Error of a model, as a share of what a pulse has changed the signal by, that counts as one tolerance. Models of cells
 are off by some percent of a polarisation, however large that is: counted in mV, the largest pulses of a test from 0.5C
-to 6C decide the resistance that all of them show, by which smaller currents are then predicted. One or two
-steps of a fit (Panasonic 18650PF) from one point, with 0, 1, 2 and 5 %: the drive cycle US06 is predicted to 21.3, 17.9,
-18.3 and 19.7 mV."""
+to 6C decide the resistance that all of them show, by which smaller currents are then predicted. One or two steps
+of a fit of the Panasonic 18650PF from one point, with 0, 1, 2 and 5 %, predict the drive cycle US06 to 21.3, 17.9, 18.3
+and 19.7 mV."""
 
 _NEARLY_EMPTY = 0.15
 """Share of the charge of a pulse test at whose end the cell may be nearly empty: within seconds the particles' surfaces
