@@ -309,3 +309,8 @@ class Trajectory:
 def drawn_between(time: FloatArray, current: FloatArray) -> FloatArray:
     """Charge drawn between neighbouring samples, A.s, shape (n - 1,), if the current is linear in time between them."""
     return 0.5 * (current[1:] + current[:-1]) * np.diff(time)
+
+
+def with_offset(current: FloatArray, offset_a: float) -> FloatArray:
+    """A current with an offset of the instrument wherever one passes: a cell at rest is disconnected; shape (n,), A."""
+    return np.where(current == 0.0, 0.0, current + offset_a)

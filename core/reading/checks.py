@@ -2,14 +2,13 @@
 
 from dataclasses import replace
 
-import numpy as np
 from scipy.constants import zero_Celsius
 
 from ..errors import BsaError
 from ..printable import counted, rounded
 from ..record import ReadOptions, Record
 from ..segmentation import segment
-from ..trajectory import Trajectory
+from ..trajectory import Trajectory, with_offset
 from .ambient import HOT_C, ambient_of, measured_ambient
 from .charge import charge_notes, counted_charge
 from .clock import check_order, with_clock
@@ -84,7 +83,7 @@ def _without_offset(samples: Samples, offset_a: float | None) -> Samples:
     """The samples less what the instrument adds to the current wherever one passes."""
     if not offset_a:
         return samples
-    current = np.where(samples.current == 0.0, 0.0, samples.current + offset_a)  # positive on discharge by now
+    current = with_offset(samples.current, offset_a)  # positive on discharge by now
     return replace(samples, current=current).noted(
         f"{rounded(1e3 * offset_a, 3)} mA are taken off the current, as was asked."
     )

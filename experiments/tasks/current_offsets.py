@@ -2,12 +2,11 @@
 
 from dataclasses import replace
 
-import numpy as np
-
 from ...core.parameters import Parameter
 from ...core.reading.charge import UnreturnedCharge, unreturned_charge
 from ...core.record import Record
 from ...core.target import CurrentOffset, current_offset_name
+from ...core.trajectory import with_offset
 from .record_request import RecordRequest
 
 _UNCERTAIN = 0.5
@@ -24,7 +23,7 @@ def without_current_offset(request: RecordRequest, record: Record) -> Record:
     if found is None:
         return record
     whole = record.trajectory
-    current = np.where(whole.current == 0.0, 0.0, whole.current - found.offset_a)
+    current = with_offset(whole.current, -found.offset_a)
     note = (
         f"an offset of {-1e3 * found.offset_a:+.2g} mA (positive on charge) is taken off the current wherever one "
         "passes; if the record is fitted, the rest of the offset is searched (--current-offset 0 keeps the current)."

@@ -16,7 +16,7 @@ from ..augmentation import augmented_cell, effects_in
 from ..cells.model_options import as_built
 from ..cells.parameter_sets import FILL_FROM, load, pybamm
 from ..cells.state_of_charge import InitialState, initial_concentration
-from ..modelling.drive import current_function, with_offset
+from ..modelling.drive import current_function, offset_by
 from ..modelling.resolution import Resolution
 from ..solving.driven_cell import FINE
 from .calibrated_script import filled, parameter_values_json
@@ -49,7 +49,7 @@ def augmented_script(
     records = []
     for measured_record in measured_records:
         offset = change.current_offset.get(measured_record.name, 0.0)
-        drive = with_offset(current_function(measured_record.record), offset)
+        drive = offset_by(current_function(measured_record.record), offset)
         start = state.concentrations(change, change.soc_of(measured_record.name))
         kept = evenly(len(measured_record.record.time), _LONGEST)
         records.append(

@@ -160,10 +160,8 @@ def _record(
         return {**content, "frequencies": [float(f"{hz:.6g}") for hz in experiment.target.values(FREQUENCY.name)]}
     if experiment.protocol is not None:
         return {**content, "protocol": [(count, list(cycle)) for count, cycle in runs_of(experiment.protocol)]}
-    pieces = [
-        piece.with_offset(change.current_offset.get(experiment.name, 0.0))
-        for piece in drive.pieces_of(experiment.target)
-    ]
+    offset = change.current_offset.get(experiment.name, 0.0)
+    pieces = [drive.offset_by(piece, offset) for piece in drive.pieces_of(experiment.target)]
     currents = [_current(piece, tables) for piece in pieces]
     return {**content, "currents": currents, "dt_max": _longest_solver_step(pieces)}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import casadi
 import numpy as np
@@ -14,7 +14,7 @@ from scipy.interpolate import make_lsq_spline
 from ....core.errors import BsaError
 from ....core.taper import at_distinct_times, between_samples, from_its_beginning
 from ....core.task import Protocol
-from ....core.trajectory import SECONDS_PER_HOUR, FloatArray, StepKind, Trajectory
+from ....core.trajectory import SECONDS_PER_HOUR, FloatArray, StepKind, Trajectory, with_offset
 from ..cells.parameter_sets import CUT_OFFS, pybamm
 
 _WITHIN = 2e-3
@@ -51,10 +51,6 @@ class Piece:
     def duration(self) -> float:
         """How long it lasts, s."""
         return float(self.time[-1])
-
-    def with_offset(self, offset: float) -> Piece:
-        """The same with an offset wherever a current passes, A."""
-        return replace(self, current=_with_offset(self.current, offset))
 
     @property
     def constant(self) -> bool:
@@ -185,13 +181,12 @@ def current_function(record: Trajectory) -> CurrentFunction:
     )
 
 
-def with_offset(current: CurrentFunction, offset: float) -> CurrentFunction:
-    """A current with an offset wherever one passes, A."""
-    return replace(current, current=_with_offset(current.current, offset))
+Current = TypeVar("Current", Piece, CurrentFunction)
 
 
-def _with_offset(current: FloatArray, offset: float) -> FloatArray:
-    return np.where(current == 0.0, 0.0, current + offset)
+def offset_by(drive: Current, offset: float) -> Current:
+    """The same with an offset wherever a current passes, A."""
+    return replace(drive, current=with_offset(drive.current, offset))
 
 
 def drawn_ah(current: CurrentFunction, times: FloatArray) -> FloatArray:

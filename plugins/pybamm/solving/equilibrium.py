@@ -21,7 +21,7 @@ from ..cells.ocp_shape import keeping_ocp_falling
 from ..cells.parameter_sets import load, voltage_window
 from ..cells.state_of_charge import InitialState
 from ..modelling.compiled_cell import Start, added_potentials, start_of
-from ..modelling.drive import CurrentFunction, current_function, drawn_ah, shown_range, with_offset
+from ..modelling.drive import CurrentFunction, current_function, drawn_ah, offset_by, shown_range
 
 _AREA = ("Electrode width [m]", "Electrode height [m]", "Number of electrodes connected in parallel to make a cell")
 _FARADAY = physical_constants["Faraday constant"][0]
@@ -77,7 +77,7 @@ class EquilibriumCell:
         change = self._falling(self._task.space.change(candidate))
         offset = change.current_offset.get(self._task.experiments[place].name, 0.0)
         if self._current or offset:
-            charge_ah = drawn_ah(self._through_the_cell(with_offset(drive, offset), candidate), record.time)
+            charge_ah = drawn_ah(self._through_the_cell(offset_by(drive, offset), candidate), record.time)
         drawn = charge_ah * SECONDS_PER_HOUR / _FARADAY / self._area_of(change)
         state = self._states[place]
         soc = self._starts[place].soc_of(change, partial(state.soc_at, change=change, added=potentials))
