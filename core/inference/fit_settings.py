@@ -35,6 +35,9 @@ class Settings:
     ends_on_fresh: bool = False
     # Whether steps by an emulator, learnt from every simulation, come before another Jacobian (`EmulatedSteps`).
     emulates: bool = False
+    # How far to either side of its start a fit of the low-fidelity model begins again where it is in a local minimum; 0
+    # where it does not.
+    elsewhere: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,3 +57,8 @@ class Box:
     def unit(cls, count: int) -> Box:
         """The unit box, without priors (see `ParameterSpace.to_unit`)."""
         return cls(np.zeros(count), np.ones(count), np.zeros(count))
+
+    def cost(self, point: FloatArray, residual: FloatArray) -> float:
+        """Sum of squares of the residuals at a point, the price of departing from the prior included."""
+        departure = self.prior * point
+        return float(residual @ residual) + float(departure @ departure)

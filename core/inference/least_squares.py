@@ -165,7 +165,7 @@ class LeastSquares:
     @property
     def cost(self) -> float:
         """Sum of squares at the best point, the price of departing from the prior included; infinite if it failed."""
-        return np.inf if self.residual is None else self._cost_of(self.residual, self.point)
+        return np.inf if self.residual is None else self._box.cost(self.point, self.residual)
 
     @property
     def round_gain(self) -> float:
@@ -357,7 +357,7 @@ class LeastSquares:
 
     def _gained(self, point: FloatArray, residual: FloatArray | None) -> float:
         """By how much the cost falls at a point; minus infinity where it failed."""
-        return -np.inf if residual is None else self.cost - self._cost_of(residual, point)
+        return -np.inf if residual is None else self.cost - self._box.cost(point, residual)
 
     def _linear_step(self, damping: float) -> FloatArray:
         jacobian, residual = self._linear_model()
@@ -450,9 +450,6 @@ class LeastSquares:
             if np.linalg.norm(norms * self._linear_step(damping)) <= 0.5 * np.linalg.norm(norms * failed):
                 break
         return damping
-
-    def _cost_of(self, residual: FloatArray, point: FloatArray) -> float:
-        return _squares(residual) + _squares(self._box.prior * point)
 
 
 def _squares(values: FloatArray) -> float:

@@ -162,3 +162,35 @@ def test_where_it_suffices_a_fit_ends_without_a_jacobian() -> None:
     assert ended[True][:2] == ("noise", False)
     assert ended[False][:2] == ("noise", True)
     assert ended[True][2] == pytest.approx(ended[False][2], abs=2.0)
+
+
+def trapped(x: FloatArray) -> FloatArray:
+    """Residuals with a local minimum below 0.22 in the first coordinate, and the solution near 0.45."""
+    first = x[0] - 0.45
+    hill = 6.0 * np.exp(-(((x[0] - 0.3) / 0.06) ** 2))
+    return np.concatenate([10.0 * np.array([first]), [hill], 10.0 * (x[1:] - 0.5)])
+
+
+@pytest.mark.parametrize("elsewhere", [0.0, 0.2])
+def test_from_a_local_minimum_the_low_fidelity_model_begins_elsewhere_too(elsewhere: float) -> None:
+    model, _ = led_by(lambda x: trapped(x) + 0.01 * x.sum())
+    start = np.array([0.22, 0.5, 0.5])
+    settings = Settings(radius=0.3, tolerance=1e-6, enough=1e-4, elsewhere=elsewhere)
+    search = LeastSquares(start, trapped(start), settings, low_fidelity=model)
+    solve(search, lambda points: [trapped(point) for point in points], 12)
+    reached = bool(search.point[0] == pytest.approx(0.45, abs=1e-3))
+    assert reached == (elsewhere > 0)
+
+
+def test_points_elsewhere_lie_in_the_box_and_may_all_fail() -> None:
+    start, seen = np.array([0.22, 0.0, 1.0]), []
+
+    def low(points: Sequence[FloatArray]) -> list[FloatArray | None]:
+        seen.extend(points)
+        return [trapped(point) if np.array_equal(point, start) else None for point in points]
+
+    settings = Settings(radius=0.3, elsewhere=0.2)
+    search = LeastSquares(start, trapped(start), settings, low_fidelity=LowFidelity(low))
+    solve(search, lambda points: [trapped(point) for point in points], 30)
+    assert all(np.all((point >= 0.0) & (point <= 1.0)) for point in seen)
+    assert search.ending in {"perfect", "misfit", "no progress"}
