@@ -54,21 +54,8 @@ class Cell(Protocol):
 
 
 @dataclass(frozen=True)
-class Order:
-    """A cell to be carried out, and the store that it belongs to."""
-
-    cell: Cell
-    store: Store
-
-    @property
-    def identity(self) -> str:
-        """The cell's."""
-        return self.cell.identity
-
-
-@dataclass(frozen=True)
 class Report:
-    """What became of an order."""
+    """What became of a cell that was handed out."""
 
     identity: str  # Of the cell.
     state: State  # ``busy``: another process has it. ``stopped``: interrupted. ``lost``: its worker died.
@@ -77,38 +64,38 @@ class Report:
     memory_mb: float = 0.0  # Resident memory of the worker afterwards, without the language models that it keeps.
 
 
-def carry_out(order: Order) -> Report:
+def carry_out(cell: Cell, store: Store) -> Report:
     """Run a cell to its end, or take it up where it was left.
 
     Whatever goes wrong with it is reported, never raised: it must not cost the worker or the campaign.
     """
-    folder = order.store.cell(order.identity)
+    folder = store.cell(cell.identity)
     try:
         with FileLock(folder / LOCK, timeout=0):
-            return _locked(order, folder)
+            return _locked(cell, store, folder)
     except Timeout:
-        return Report(order.identity, "busy")
+        return Report(cell.identity, "busy")
     except KeyboardInterrupt:
-        return Report(order.identity, "stopped")
+        return Report(cell.identity, "stopped")
     except Exception as error:
         worded = file_error(error) if isinstance(error, OSError) else error
         reason = str(worded) if isinstance(worded, (BsaError, Outage)) else f"{type(error).__name__}: {error}"
         with suppress(BsaError):  # a full disk, perhaps; the report tells the reason
             write_json(folder / FAILURE, {"reason": reason})
-        return Report(order.identity, "failed", reason=reason, memory_mb=memory_mb())
+        return Report(cell.identity, "failed", reason=reason, memory_mb=memory_mb())
 
 
-def _locked(order: Order, folder: Path) -> Report:
-    # Another process may have finished it since the order was written.
-    result: Mapping[str, Any] | None = order.store.result(order.identity)
+def _locked(cell: Cell, store: Store, folder: Path) -> Report:
+    # Another process may have finished it since it was handed out.
+    result: Mapping[str, Any] | None = store.result(cell.identity)
     if result is None:
         _allow_children()
         (folder / FAILURE).unlink(missing_ok=True)  # of the time before
-        result = order.cell.run(folder, order.store)
+        result = cell.run(folder, store)
         if result["status"] == OUTAGE:
             raise Outage(result["reason"])
     state: State = "done" if result["status"] in FINAL else "stopped"
-    return Report(order.identity, state, result, memory_mb=memory_mb())
+    return Report(cell.identity, state, result, memory_mb=memory_mb())
 
 
 def _allow_children() -> None:

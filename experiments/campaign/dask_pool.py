@@ -5,7 +5,6 @@ import queue
 import re
 import time
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from ...core.extras import require
 from ...core.run.interrupts import interrupts_stay
 from ...core.validation import validated
 from ...core.yaml_text import read_yaml
-from .cell import Order, Report, carry_out
+from .cell import Cell, Report, carry_out
 from .store import Store
 
 _SLURM = "slurm:"
@@ -25,12 +24,12 @@ _SLURM = "slurm:"
 _ADDRESS = re.compile(r"(tcp|tls)://\S+:\d{1,5}")
 
 _AHEAD = 2
-"""Orders in flight for each worker thread: one that runs and one that waits beside it."""
+"""Cells in flight for each worker thread: one that runs and one that waits beside it."""
 
 _CONNECT_S = 30
 
 _COUNT_EVERY_S = 2.0
-"""Asking a scheduler of hundreds of workers for each order would cost more than the order."""
+"""Asking a scheduler of hundreds of workers for each cell would cost more than to hand it over."""
 
 
 class SlurmConfig(BaseModel):
@@ -68,12 +67,6 @@ def slurm_cluster(config: SlurmConfig) -> Any:
         ) from None
 
 
-def load_slurm(path: Path) -> SlurmConfig:
-    """Read the description of a SLURM job. Raises `BsaError` naming the key at fault."""
-    content = read_yaml(path)
-    return validated(SlurmConfig, content or {}, str(path))
-
-
 def check_cluster(where: str) -> SlurmConfig | None:
     """What a cluster is to be made of; None where it runs already.
 
@@ -81,7 +74,8 @@ def check_cluster(where: str) -> SlurmConfig | None:
     be read.
     """
     if where.startswith(_SLURM):
-        return load_slurm(Path(where.removeprefix(_SLURM)))
+        path = where.removeprefix(_SLURM)
+        return validated(SlurmConfig, read_yaml(Path(path)) or {}, path)
     if not _ADDRESS.fullmatch(where):
         raise BsaError(f'--cluster "{where}" is no cluster.', "write tcp://HOST:PORT or slurm:FILE.yaml.")
     return None
@@ -108,7 +102,7 @@ class DaskPool:
             raise BsaError(
                 f"no Dask scheduler answers at {where} ({error}).", "start one with: dask scheduler; then dask worker."
             ) from None
-        self._orders: dict[Any, Order] = {}
+        self._cells: dict[Any, Cell] = {}
         self._finished: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._number = 0
         self._threads, self._counted_at = 0, -math.inf
@@ -124,17 +118,17 @@ class DaskPool:
 
     @property
     def free(self) -> int:
-        """How many more orders may be handed over now."""
-        return max(_AHEAD * self.workers, 1) - len(self._orders)
+        """How many more cells may be handed over now."""
+        return max(_AHEAD * self.workers, 1) - len(self._cells)
 
-    def submit(self, order: Order) -> None:
-        """Hand an order to the scheduler."""
+    def submit(self, cell: Cell, store: Store) -> None:
+        """Hand a cell to the scheduler."""
         self._number += 1
         # Dask runs the tasks of a lost worker again by itself, and gives up after a few; the grid counts them anew.
         # A worker may have been started in another folder.
-        order = replace(order, store=Store(order.store.root.absolute()))
-        future = self._client.submit(carry_out, order, key=f"{order.identity}-{self._number}", pure=False)
-        self._orders[future] = order
+        store = Store(store.root.absolute())
+        future = self._client.submit(carry_out, cell, store, key=f"{cell.identity}-{self._number}", pure=False)
+        self._cells[future] = cell
         future.add_done_callback(self._finished.put)
 
     def collect(self, patience_s: float) -> list[Report]:
@@ -147,16 +141,16 @@ class DaskPool:
         return [self._report(future) for future in futures]
 
     def _report(self, future: Any) -> Report:
-        order = self._orders.pop(future)
+        cell = self._cells.pop(future)
         if future.status == "finished":
             report: Report = future.result()
             return report
         error = future.exception() if future.status == "error" else None
-        return Report(order.identity, "lost", reason=f"{type(error).__name__}: {error}" if error else future.status)
+        return Report(cell.identity, "lost", reason=f"{type(error).__name__}: {error}" if error else future.status)
 
     def close(self) -> None:
         """Take back what has not begun and let the cluster go; one that we started is ended."""
-        self._client.cancel(list(self._orders))
+        self._client.cancel(list(self._cells))
         self._client.close()
         if self._cluster is not None:
             self._cluster.close()

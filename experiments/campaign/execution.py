@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from ...core.run.allowance import UNLIMITED, Allowance
-from .cell import Cell, Order, Report
+from .cell import Cell, Report
 from .store import Store
 
 LOSSES = 3
@@ -25,14 +25,14 @@ class Pool(Protocol):
 
     @property
     def free(self) -> int:
-        """How many more orders may be handed over now."""
+        """How many more cells may be handed over now."""
 
     @property
     def workers(self) -> int:
         """How many cells run side by side."""
 
-    def submit(self, order: Order) -> None:
-        """Hand over an order; `free` was at least 1."""
+    def submit(self, cell: Cell, store: Store) -> None:
+        """Hand over a cell of a store; `free` was at least 1."""
 
     def collect(self, patience_s: float) -> Sequence[Report]:
         """Wait until a report is there, ``patience_s`` at most. A worker that died reports its cell as lost."""
@@ -64,14 +64,6 @@ class Watcher(Protocol):
 
 
 @dataclass
-class _Losses:
-    """How often a cell lost its worker since it last came further."""
-
-    size: int = -1
-    count: int = 0
-
-
-@dataclass
 class _CampaignState:
     """Where every cell stands."""
 
@@ -79,7 +71,8 @@ class _CampaignState:
     running: dict[str, Cell] = field(default_factory=dict)
     elsewhere: dict[str, tuple[float, Cell]] = field(default_factory=dict)
     reports: dict[str, Report] = field(default_factory=dict)
-    losses: dict[str, _Losses] = field(default_factory=dict)
+    # Size of a cell's journals when its worker died, and how often that was so since it last came further.
+    losses: dict[str, tuple[int, int]] = field(default_factory=dict)
     # tokens, cost_usd: Of all cells so far; ``spent`` has them by cell, for one may end several times.
     tokens: int = 0
     cost_usd: float = 0.0
@@ -102,14 +95,15 @@ def run_cells(
         if result is None:
             state.todo.append(cell)
         else:
-            _end(state, watcher, cell, Report(identity, "done", result), found=True)
+            report = state.reports[identity] = Report(identity, "done", result)
+            watcher.ended(cell, report, found=True)
     last_worker_at = time.monotonic()
     while state.todo or state.running or state.elsewhere:
         spent = bool(allowance.spent(state.tokens, state.cost_usd))
         while state.todo and pool.free > 0 and not spent:
             cell = state.todo.popleft()
             state.running[cell.identity] = cell
-            pool.submit(Order(cell, store))
+            pool.submit(cell, store)
             watcher.begun(cell)
         if not state.running and spent:
             break
@@ -138,7 +132,8 @@ def _take(state: _CampaignState, report: Report, store: Store, watcher: Watcher)
         watcher.lost(cell, report.reason)
         state.todo.appendleft(cell)
         return
-    _end(state, watcher, cell, report, found=False)
+    state.reports[cell.identity] = report
+    watcher.ended(cell, report, found=False)
 
 
 def _enter_cost(state: _CampaignState, report: Report, store: Store) -> None:
@@ -156,16 +151,11 @@ def _enter_cost(state: _CampaignState, report: Report, store: Store) -> None:
 
 def _hopeless(state: _CampaignState, report: Report, store: Store) -> bool:
     """Whether a cell kills its workers: a cell that gets further each time was only unlucky."""
-    losses = state.losses.setdefault(report.identity, _Losses())
+    before, count = state.losses.get(report.identity, (-1, 0))
     size = store.journal_size(report.identity)
-    losses.count = 1 if size > losses.size else losses.count + 1
-    losses.size = size
-    return losses.count >= LOSSES
-
-
-def _end(state: _CampaignState, watcher: Watcher, cell: Cell, report: Report, found: bool) -> None:
-    state.reports[cell.identity] = report
-    watcher.ended(cell, report, found)
+    count = 1 if size > before else count + 1
+    state.losses[report.identity] = (size, count)
+    return count >= LOSSES
 
 
 def _look_again(state: _CampaignState) -> None:

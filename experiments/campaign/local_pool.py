@@ -10,7 +10,8 @@ from typing import Any
 from ...core.run.interrupts import in_main_thread, interrupts_wait
 from ...core.run.parentage import end_with_parent
 from ...core.threads import one_thread_for_children
-from .cell import Order, Report, carry_out
+from .cell import Cell, Report, carry_out
+from .store import Store
 
 CELLS_PER_WORKER = 500
 MEMORY_LIMIT_MB = 1500.0
@@ -25,18 +26,18 @@ def _serve(connection: Connection, at_once: bool) -> None:
     end_with_parent(at_once)
     while True:
         try:
-            order = connection.recv()
+            cell, store = connection.recv()
         except (EOFError, OSError):
             return
-        connection.send(carry_out(order))
+        connection.send(carry_out(cell, store))
 
 
 @dataclass(eq=False)
 class _Worker:
     process: Any
     connection: Connection
-    order: Order | None = None
-    cells: int = 0
+    cell: Cell | None = None  # What it does; None where it is idle.
+    cells: int = 0  # How many it has done.
 
 
 class LocalPool:
@@ -59,16 +60,16 @@ class LocalPool:
 
     @property
     def free(self) -> int:
-        """How many more orders may be handed over now."""
-        return self.workers - sum(worker.order is not None for worker in self._workers)
+        """How many more cells may be handed over now."""
+        return self.workers - sum(worker.cell is not None for worker in self._workers)
 
-    def submit(self, order: Order) -> None:
-        """Hand an order to an idle worker, started if need be."""
-        worker = next((worker for worker in self._workers if worker.order is None), None) or self._start()
-        worker.order = order
+    def submit(self, cell: Cell, store: Store) -> None:
+        """Hand a cell to an idle worker, started if need be."""
+        worker = next((worker for worker in self._workers if worker.cell is None), None) or self._start()
+        worker.cell = cell
         # A dead worker answers through `collect`.
         with suppress(OSError):
-            worker.connection.send(order)
+            worker.connection.send((cell, store))
 
     def _start(self) -> _Worker:
         context = multiprocessing.get_context("spawn")
@@ -83,24 +84,22 @@ class LocalPool:
 
     def collect(self, patience_s: float) -> list[Report]:
         """Wait until a report is there, ``patience_s`` at most."""
-        busy = {worker.connection: worker for worker in self._workers if worker.order is not None}
+        busy = {worker.connection: worker for worker in self._workers if worker.cell is not None}
         if not busy:
             return []
         return [self._receive(busy[connection]) for connection in wait(list(busy), patience_s)]  # type: ignore[index]
 
     def _receive(self, worker: _Worker) -> Report:
-        assert worker.order is not None
+        assert worker.cell is not None
         try:
             report: Report = worker.connection.recv()
         except (EOFError, OSError):
             worker.process.join()
-            lost = Report(
-                worker.order.identity, "lost", reason=f"its worker died (exit code {worker.process.exitcode})"
-            )
             self._workers.remove(worker)
             worker.connection.close()
-            return lost
-        worker.order = None
+            reason = f"its worker died (exit code {worker.process.exitcode})"
+            return Report(worker.cell.identity, "lost", reason=reason)
+        worker.cell = None
         worker.cells += 1
         if worker.cells >= self._cells_per_worker or report.memory_mb > self._memory_limit_mb:
             self._end(worker)

@@ -3,7 +3,6 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -34,37 +33,6 @@ SIMULATIONS = 20
 
 _AMONG = (1, 3, 5)
 """Places that are counted; a ranking names five effects at most."""
-
-
-@dataclass(frozen=True)
-class Card:
-    """What one backend did."""
-
-    backend: str  # Its name.
-    simulations: int  # How many a calibration has at most.
-    tasks: int  # Tasks that were calibrated to the end.
-    # error_pct, rules_pct, hybrid_pct: Geometric mean of the total MAPE in percent, by the scaffold with this backend,
-    # with ``rules``, and by the hybrid with ``rules``, over the same tasks.
-    error_pct: float
-    rules_pct: float
-    hybrid_pct: float
-    improved: int  # Tasks in which the search ended below the best of start and warm-up.
-    calls: int  # Calls of the model, in calibrations and rankings, those included that gave no reply.
-    valid_pct: float  # Share of its replies that could be used, in percent.
-    # tokens_a_call, seconds_a_call, cost_usd: Prompt and reply together, and waiting for the model, of a call that gave
-    # a reply; of everything.
-    tokens_a_call: float
-    seconds_a_call: float
-    cost_usd: float
-    reports: int  # Reports that were ranked.
-    # named_1, named_3, named_5, nameless_1, nameless_3, nameless_5: In how many the hidden effect is first, among
-    # three, among five, with names and without.
-    named_1: int
-    named_3: int
-    named_5: int
-    nameless_1: int
-    nameless_3: int
-    nameless_5: int
 
 
 def models_grid(
@@ -102,8 +70,8 @@ def card(
     rankings: Sequence[Row],
     reports: Sequence[Report],
     store: Store,
-) -> Card:
-    """The card of a backend, from the rows of `models_grid` and of its rankings; the scaffold may be a file."""
+) -> dict[str, Any]:
+    """A backend's card as a row, from the rows of `models_grid` and of its rankings; the scaffold may be a file."""
     done, name = with_results(rows), load_scaffold(scaffold).name
     own = _by_task(done, scaffold=name, backend=backend)
     rules = _by_task(done, scaffold=name, backend="rules")
@@ -120,22 +88,25 @@ def card(
     error, with_rules, with_hybrid = (
         geometric_mean([found[t]["mape"] for t in common]) for found in (own, rules, hybrid)
     )
-    return Card(
-        backend=backend,
-        simulations=simulations,
-        tasks=len(common),
-        error_pct=error,
-        rules_pct=with_rules,
-        hybrid_pct=with_hybrid,
-        improved=sum(trace.improved for trace in traces),
-        calls=calls,
-        valid_pct=100.0 * (1.0 - unusable / replies) if replies else math.nan,
-        tokens_a_call=_sum(spent, "tokens") / replies if replies else math.nan,
-        seconds_a_call=_sum(spent, "backend_s") / replies if replies else math.nan,
-        cost_usd=math.nan if any(row["cost_usd"] is None for row in spent) else _sum(spent, "cost_usd"),
-        reports=len(ranked),
+    return {
+        "backend": backend,
+        "simulations": simulations,  # Of a calibration at most.
+        "tasks": len(common),
+        # Geometric mean of the total MAPE in percent over the same tasks.
+        "error_pct": error,
+        "rules_pct": with_rules,
+        "hybrid_pct": with_hybrid,
+        "improved": sum(trace.improved for trace in traces),
+        "calls": calls,  # In calibrations and rankings, those included that gave no reply.
+        "valid_pct": 100.0 * (1.0 - unusable / replies) if replies else math.nan,
+        # Of a call that gave a reply.
+        "tokens_a_call": _sum(spent, "tokens") / replies if replies else math.nan,
+        "seconds_a_call": _sum(spent, "backend_s") / replies if replies else math.nan,
+        "cost_usd": math.nan if any(row["cost_usd"] is None for row in spent) else _sum(spent, "cost_usd"),
+        "reports": len(ranked),
+        # In how many of them the hidden effect is among the first places.
         **{f"{how}_{k}": sum(found[how] <= k for found in ranked) for how in HOW for k in _AMONG},
-    )
+    }
 
 
 def _by_task(rows: Sequence[Row], **wanted: str) -> dict[str, Row]:
@@ -151,11 +122,11 @@ def _unusable(folder: Path) -> int:
     return sum(unusable_replies(event["details"]) for event in read_events(folder) if event["event"] == "proposal")
 
 
-def write_card(found: Card, out: Path) -> str:
+def write_card(found: Row, out: Path) -> str:
     """``card.md`` and ``card.csv``; returns the first."""
-    text = cards_table([asdict(found)]) + "\n"
+    text = cards_table([found]) + "\n"
     write_text(out / "card.md", text)
-    write_csv(out / "card.csv", [asdict(found)])
+    write_csv(out / "card.csv", [found])
     return text
 
 

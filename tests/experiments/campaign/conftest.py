@@ -52,7 +52,7 @@ class Quiet:
 
 
 class Here:
-    """A pool that carries out its orders in this process, and can be told to misbehave."""
+    """A pool that carries out cells in this process, and can be told to misbehave."""
 
     workers = 1
 
@@ -65,16 +65,16 @@ class Here:
     def free(self):
         return 1 - len(self.orders)
 
-    def submit(self, order):
-        self.orders.append(order)
+    def submit(self, cell, store):
+        self.orders.append((cell, store))
 
     def collect(self, patience_s):
         found = []
         while self.orders:
-            order = self.orders.pop()
-            answer = self.answers.get(order.identity)
-            self.carried.append(order.identity)
-            found.append(answer(order) if answer else carry_out(order))
+            cell, store = self.orders.pop()
+            answer = self.answers.get(cell.identity)
+            self.carried.append(cell.identity)
+            found.append(answer(cell) if answer else carry_out(cell, store))
         return found
 
     def close(self):

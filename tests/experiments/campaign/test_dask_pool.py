@@ -12,7 +12,7 @@ from collections import Counter
 
 import pytest
 from bsa.core.errors import BsaError
-from bsa.experiments.campaign.dask_pool import DaskPool, SlurmConfig, load_slurm, slurm_cluster
+from bsa.experiments.campaign.dask_pool import DaskPool, SlurmConfig, check_cluster, slurm_cluster
 from bsa.experiments.campaign.execution import run_cells
 from bsa.experiments.campaign.results import rows_of
 
@@ -104,7 +104,7 @@ def test_no_scheduler_is_said_with_what_to_do(monkeypatch):
 def test_slurm_jobs_are_described_by_a_file(tmp_path, ctrl_c):
     path = tmp_path / "slurm.yaml"
     path.write_text("jobs: 20\ncores: 4\nmemory: 16GB\nqueue: cpu\naccount: batteries\nwalltime: '02:00:00'\n")
-    config = load_slurm(path)
+    config = check_cluster(f"slurm:{path}")
     cluster = slurm_cluster(config)
     try:
         script = cluster.job_script()
@@ -137,7 +137,7 @@ def test_lines_before_the_workers_are_a_list(tmp_path):
     path = tmp_path / "slurm.yaml"
     path.write_text("jobs: 1\njob_script_prologue: module load python")
     with pytest.raises(BsaError, match="job_script_prologue"):
-        load_slurm(path)
+        check_cluster(f"slurm:{path}")
 
 
 @pytest.mark.parametrize("text", ["cores: 2", "jobs: 0", "jobs: many"])
@@ -145,5 +145,5 @@ def test_a_wrong_slurm_file_is_explained(tmp_path, text):
     path = tmp_path / "slurm.yaml"
     path.write_text(text)
     with pytest.raises(BsaError, match="jobs"):
-        load_slurm(path)
+        check_cluster(f"slurm:{path}")
     assert SlurmConfig(jobs=1).cores == 1

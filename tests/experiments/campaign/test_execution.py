@@ -21,7 +21,7 @@ from bsa.core.messages import BackendUnreachable, Reply, Usage
 from bsa.core.run.allowance import UNLIMITED, Allowance
 from bsa.core.run.journal import FORMAT, LOCK, Journal
 from bsa.experiments.campaign import calibration
-from bsa.experiments.campaign.cell import Order, Report, carry_out
+from bsa.experiments.campaign.cell import Report, carry_out
 from bsa.experiments.campaign.execution import LOSSES, run_cells
 from bsa.experiments.campaign.local_pool import LocalPool
 from bsa.experiments.campaign.model_places import SharedBackend
@@ -72,8 +72,8 @@ def test_a_cell_of_another_process_is_left_to_it(make_plan):
     plan = make_plan(tasks=1, scaffolds=["full"])
     (cell,) = plan.cells
     with FileLock(plan.store.cell(cell.identity) / LOCK):
-        assert carry_out(Order(cell, plan.store)).state == "busy"
-    assert carry_out(Order(cell, plan.store)).state == "done"
+        assert carry_out(cell, plan.store).state == "busy"
+    assert carry_out(cell, plan.store).state == "done"
 
 
 @pytest.mark.slow
@@ -81,9 +81,9 @@ def test_busy_cells_are_looked_at_again(make_plan):
     plan = make_plan()
     pool, busy = Here(), plan.cells[0].identity
 
-    def other_has_it(order):
+    def other_has_it(cell):
         pool.answers.clear()
-        return Report(order.identity, "busy")
+        return Report(cell.identity, "busy")
 
     pool.answers[busy] = other_has_it
     reports = run_here(plan, pool)
@@ -95,7 +95,7 @@ def test_busy_cells_are_looked_at_again(make_plan):
 def test_a_cell_that_kills_its_workers_is_given_up(make_plan):
     plan = make_plan()
     pool, deadly = Here(), plan.cells[1].identity
-    pool.answers[deadly] = lambda order: Report(order.identity, "lost", reason="its worker died (exit code -9)")
+    pool.answers[deadly] = lambda cell: Report(cell.identity, "lost", reason="its worker died (exit code -9)")
     reports = run_here(plan, pool)
     assert Counter(pool.carried)[deadly] == LOSSES
     assert reports[deadly].state == "lost"
@@ -110,7 +110,7 @@ def test_a_cell_that_gets_further_each_time_is_not(make_plan):
     journal.parent.mkdir(parents=True)
     left = list(range(3 * LOSSES))
 
-    def further(order):
+    def further(cell):
         left.pop()
         if not left:
             journal.unlink()
@@ -118,7 +118,7 @@ def test_a_cell_that_gets_further_each_time_is_not(make_plan):
         else:
             with journal.open("a") as file:
                 file.write("x" * 100)
-        return Report(order.identity, "lost")
+        return Report(cell.identity, "lost")
 
     pool.answers[cell.identity] = further
     assert run_here(plan, pool)[cell.identity].state == "done"
@@ -167,7 +167,7 @@ def test_nothing_is_begun_once_the_allowance_is_spent(make_plan):
     plan = make_plan(tasks=3)
     pool = Here()
     for cell in plan.cells:
-        pool.answers[cell.identity] = lambda order: Report(order.identity, "done", {"tokens": 600, "cost_usd": 0.5})
+        pool.answers[cell.identity] = lambda cell: Report(cell.identity, "done", {"tokens": 600, "cost_usd": 0.5})
     assert len(run_here(plan, pool, allowance=Allowance(max_tokens=1000))) == 2
     assert len(run_here(plan, pool, allowance=Allowance(max_cost_usd=1.2))) == 3
 
@@ -189,9 +189,9 @@ def test_what_cells_without_a_result_spent_counts_for_the_allowance(make_plan, s
     plan = make_plan(tasks=3)
     pool = Here()
 
-    def spend(order):
-        pay(plan, order.identity, Usage(prompt_tokens=500, completion_tokens=100, cost_usd=0.5))
-        return Report(order.identity, state)
+    def spend(cell):
+        pay(plan, cell.identity, Usage(prompt_tokens=500, completion_tokens=100, cost_usd=0.5))
+        return Report(cell.identity, state)
 
     pool.answers = dict.fromkeys((cell.identity for cell in plan.cells), spend)
     run_here(plan, pool, allowance=Allowance(max_tokens=1000))
@@ -205,12 +205,12 @@ def test_a_cell_that_is_run_again_costs_what_its_last_end_says(make_plan):
     pool = Here()
     first, second = (cell.identity for cell in plan.cells)
 
-    def dies(order):
+    def dies(cell):
         pay(plan, first, Usage(prompt_tokens=400))
-        pool.answers[first] = lambda order: Report(first, "done", {"tokens": 900, "cost_usd": None})
+        pool.answers[first] = lambda cell: Report(first, "done", {"tokens": 900, "cost_usd": None})
         return Report(first, "lost")
 
-    pool.answers = {first: dies, second: lambda order: Report(second, "done", {"tokens": 1})}
+    pool.answers = {first: dies, second: lambda cell: Report(second, "done", {"tokens": 1})}
     assert set(run_here(plan, pool, allowance=Allowance(max_tokens=1000))) == {first, second}
 
 
@@ -240,8 +240,8 @@ def test_killed_workers_are_replaced_and_their_cells_resumed(make_plan):
         killed = 0
         # One kill less than gives a cell up: on a busy machine all of them may hit one cell before it gets further.
         while not stop.is_set() and killed < LOSSES - 1:
-            busy = [worker for worker in list(pool._workers) if worker.order is not None]
-            started = [w for w in busy if rough.store.journal_size(w.order.identity) > 3000]
+            busy = [worker for worker in list(pool._workers) if worker.cell is not None]
+            started = [w for w in busy if rough.store.journal_size(w.cell.identity) > 3000]
             if started:
                 os.kill(started[0].process.pid, signal.SIGKILL)
                 killed += 1

@@ -16,12 +16,12 @@ def failing(plan):
     """A pool in which the first cell fails and the second loses its worker once."""
     pool, (first, second, *_) = Here(), [cell.identity for cell in plan.cells]
 
-    def lost(order):
+    def lost(cell):
         del pool.answers[second]
-        return Report(order.identity, "lost", reason="its worker died")
+        return Report(cell.identity, "lost", reason="its worker died")
 
     pool.answers = {
-        first: lambda order: Report(order.identity, "failed", reason="\x1b[31mno such server\nat all"),
+        first: lambda cell: Report(cell.identity, "failed", reason="\x1b[31mno such server\nat all"),
         second: lost,
     }
     return pool
@@ -53,9 +53,9 @@ def test_a_cell_of_another_process_is_not_running_here(make_plan):
     plan = make_plan()
     pool, busy = Here(), plan.cells[0].identity
 
-    def other_has_it(order):
+    def other_has_it(cell):
         pool.answers.clear()
-        return Report(order.identity, "busy")
+        return Report(cell.identity, "busy")
 
     pool.answers[busy] = other_has_it
     watcher = PlainCampaign(plan.cells, io.StringIO())

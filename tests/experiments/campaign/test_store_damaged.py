@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from bsa.core.errors import BsaError
-from bsa.experiments.campaign.cell import Order, carry_out
+from bsa.experiments.campaign.cell import carry_out
 from bsa.experiments.campaign.execution import run_cells
 from bsa.experiments.campaign.page import build_page
 from bsa.experiments.campaign.results import read_manifest, rows_of
@@ -82,6 +82,6 @@ def test_a_foreign_journal_in_a_cell_is_a_failed_cell(tmp_path: Path) -> None:
     journal.parent.mkdir(parents=True)
     for content in ("not ours", '{"event":"run","config":3}\n', '{"event":"run"}\n[]\n'):
         journal.write_text(content)
-        report = carry_out(Order(plan.cells[0], plan.store))
+        report = carry_out(plan.cells[0], plan.store)
         assert report.state == "failed"
         assert journal.read_text() == content

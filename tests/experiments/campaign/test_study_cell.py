@@ -8,11 +8,12 @@ from typing import Any
 
 import pytest
 from bsa.core.errors import BsaError
-from bsa.experiments.campaign.cell import Order, Report
+from bsa.experiments.campaign.cell import Cell, Report
 from bsa.experiments.campaign.execution import LOSSES, run_cells
 from bsa.experiments.campaign.page import build_page
 from bsa.experiments.campaign.results import rows_of, write_manifest
 from bsa.experiments.campaign.running import run_campaign
+from bsa.experiments.campaign.store import Store
 from bsa.experiments.campaign.study_cell import plan_study, rows_found, write_found
 
 from .conftest import Here, Quiet, noted
@@ -50,9 +51,9 @@ def test_rows_are_those_of_the_plan_where_another_process_has_begun_the_study_an
     other = plan_study("halves", halved, {"six": {"number": 6.0}}, tmp_path)
 
     class Meanwhile(Here):
-        def submit(self, order: Order) -> None:
+        def submit(self, cell: Cell, store: Store) -> None:
             write_manifest(other.about, other.cells, other.folder)
-            super().submit(order)
+            super().submit(cell, store)
 
     rows, _ = run_campaign(plan, Meanwhile(), Quiet())
     assert [(row["task"], row["state"]) for row in rows] == [("four", "done")]
@@ -64,12 +65,12 @@ def test_an_item_that_fits_in_a_folder_of_its_own_is_known_to_get_further(tmp_pa
     journal = plan.store.cell(cell.identity) / "fit" / "journal.jsonl"
     journal.parent.mkdir(parents=True)
 
-    def further(order: Any) -> Report:
+    def further(cell: Cell) -> Report:
         with journal.open("a") as file:
             file.write("x" * 100)
         if Counter(pool.carried)[cell.identity] > LOSSES:
             pool.answers.clear()
-        return Report(order.identity, "lost")
+        return Report(cell.identity, "lost")
 
     pool.answers[cell.identity] = further
     further(cell)

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 from bsa.core.discovery.ranking import Ranking
 from bsa.core.errors import BsaError
-from bsa.experiments.campaign.cell import Order, carry_out
+from bsa.experiments.campaign.cell import carry_out
 from bsa.experiments.discovery_bench import blind_cell, shortlists
 from bsa.experiments.discovery_bench.blind_cell import plan_cases
 
@@ -44,7 +44,7 @@ def test_an_outage_is_a_failed_cell(kind, cases: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(shortlists, "ask", lambda *_: LOST)
     monkeypatch.setattr(blind_cell, "discover", lambda options: SimpleNamespace(ranking=LOST))
     plan = plan_cases(cases, "mine", kind)
-    report = carry_out(Order(plan.cells[0], plan.store))
+    report = carry_out(plan.cells[0], plan.store)
     assert (report.state, report.reason) == ("failed", "nothing listens")
     assert plan.store.result(report.identity) is None
 

@@ -11,7 +11,7 @@ from bsa.core.files import write_json
 from bsa.core.messages import BackendFailure
 from bsa.core.scaffold import BUILT_IN
 from bsa.experiments.campaign import task_sources
-from bsa.experiments.campaign.cell import Order, carry_out
+from bsa.experiments.campaign.cell import carry_out
 from bsa.experiments.campaign.grid_file import BackendChoice, SuiteFilter
 from bsa.experiments.campaign.running import plan_campaign, run_campaign
 from bsa.experiments.campaign.store import Store
@@ -53,7 +53,7 @@ def test_the_packaged_reports_can_be_ranked() -> None:
 def test_a_report_is_ranked_with_names_and_without_and_not_asked_again(tmp_path: Path) -> None:
     store = Store(tmp_path)
     cell = ranking_cell(REPORT, RULES, 7)
-    report = carry_out(Order(cell, store))
+    report = carry_out(cell, store)
     assert report.state == "done"
     assert {report.result[name] for name in ("replies", "llm_calls", "lost_calls")} == {2, 0}
     assert set(report.result["named"]) <= set(REPORT.effects)
@@ -65,7 +65,7 @@ def test_a_report_is_ranked_with_names_and_without_and_not_asked_again(tmp_path:
 
 def test_a_ranking_goes_on_where_the_model_was_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The ranking with names was answered; it is not asked again."""
-    order = Order(ranking_cell(REPORT, RULES, 7), Store(tmp_path / "store"))
+    cell, store = ranking_cell(REPORT, RULES, 7), Store(tmp_path / "store")
     answer_of, asked = RulesBackend.complete, []
 
     def lost_once(self, messages, schema, *, seed):
@@ -76,8 +76,8 @@ def test_a_ranking_goes_on_where_the_model_was_lost(tmp_path: Path, monkeypatch:
 
     monkeypatch.setattr(RulesBackend, "complete", lost_once)
     monkeypatch.setattr("bsa.core.run.recording.ASK_AGAIN_AFTER_S", ())
-    assert carry_out(order).state == "failed"
-    report = carry_out(order)
+    assert carry_out(cell, store).state == "failed"
+    report = carry_out(cell, store)
     assert (report.state, report.reason) == ("done", "")
     assert (len(asked), report.result["llm_calls"], report.result["lost_calls"]) == (3, 3, 1)
 
@@ -85,7 +85,7 @@ def test_a_ranking_goes_on_where_the_model_was_lost(tmp_path: Path, monkeypatch:
 @pytest.mark.slow
 def test_an_outage_is_no_result(tmp_path: Path) -> None:
     nobody = BackendChoice(use="manual", options={"exchange": str(tmp_path / "x"), "timeout_s": 0.1})
-    report = carry_out(Order(ranking_cell(REPORT, nobody, 7), Store(tmp_path / "store")))
+    report = carry_out(ranking_cell(REPORT, nobody, 7), Store(tmp_path / "store"))
     assert report.state == "failed"
 
 
@@ -137,11 +137,11 @@ def test_a_card_sets_a_backend_beside_rules_and_hybrid(tmp_path: Path, monkeypat
     rankings = plan_rankings([REPORT], bad, 1, tmp_path / "toy", plan.folder / "rankings")
     ranked, _ = run_campaign(rankings, Here(), Quiet())
     found = card(bad.use, "full", 12, rows, ranked, [REPORT], plan.store)
-    assert (found.simulations, found.tasks, found.reports) == (12, 1, 1)
-    assert found.rules_pct < found.error_pct
-    assert found.hybrid_pct < found.error_pct
-    assert 0 <= found.valid_pct <= 100
-    assert found.calls >= 10
+    assert (found["simulations"], found["tasks"], found["reports"]) == (12, 1, 1)
+    assert found["rules_pct"] < found["error_pct"]
+    assert found["hybrid_pct"] < found["error_pct"]
+    assert 0 <= found["valid_pct"] <= 100
+    assert found["calls"] >= 10
     text = write_card(found, plan.folder)
     assert "| tasks | 1 |" in text
     with (plan.folder / "card.csv").open() as file:
@@ -158,7 +158,7 @@ def test_a_lost_call_is_no_reply(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     rows = [{**row, "scaffold": scaffold, "backend": backend} for scaffold, backend in methods]
     (tmp_path / "mine.yaml").write_text((BUILT_IN / "full.yaml").read_text())
     for scaffold in ("full", str(tmp_path / "mine.yaml")):
-        assert card("m", scaffold, 20, rows, [], [], Store(tmp_path)).tasks == 1
+        assert card("m", scaffold, 20, rows, [], [], Store(tmp_path))["tasks"] == 1
     found = card("m", "full", 20, rows, [], [], Store(tmp_path))
-    assert (found.calls, found.valid_pct) == (10, pytest.approx(80.0))
-    assert (found.tokens_a_call, found.seconds_a_call) == (200.0, 4.0)
+    assert (found["calls"], found["valid_pct"]) == (10, pytest.approx(80.0))
+    assert (found["tokens_a_call"], found["seconds_a_call"]) == (200.0, 4.0)
