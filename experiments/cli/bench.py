@@ -283,7 +283,7 @@ def real_cells_command(
     """Measured cells of public data sets: fitted, and scored on records that the fit never saw."""
     from ...core.files import write_csv
     from ..checked_options import simulation_workers
-    from ..studies.real_cells import MEASURED_CURRENT, PAPER, chosen, run_cell, run_cells, with_earlier
+    from ..studies.real_cells import MEASURED_CURRENT, PAPER, chosen, line_of, run_cell, run_cells, with_earlier
 
     at_once = simulation_workers(workers)
     study = PAPER if paper else MEASURED_CURRENT
@@ -294,7 +294,7 @@ def real_cells_command(
         lambda cell, folder: run_cell(cell, data, folder, scaffold, simulations, seed, at_once),
     )
     for row in rows:
-        print(row.line)
+        print(line_of(row))
     for remark in remarks:
         say(remark)
     if rows:

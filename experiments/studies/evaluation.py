@@ -2,16 +2,14 @@
 
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...backends.rules.backend import RulesBackend
-from ...core.parameters import Candidate
 from ...core.run.run_config import RunConfig
 from ...core.scaffold import load_scaffold
 from ...plugins.pybamm.simulators.worker import Assignment, WorkerPool
@@ -24,21 +22,8 @@ from ..run import execute_run
 from ..tasks.find import find_task
 
 
-@dataclass(frozen=True)
-class EvaluationCost:
-    """Medians of one process on one machine, in seconds."""
-
-    solver_s: float  # PyBaMM's own solve of the compiled model: the floor.
-    evaluation_s: float  # Our evaluation in the same process: solve and trajectory.
-    worker_s: float  # The same through a worker process, as runs do it.
-    rebuild_s: float  # Building the model for every evaluation, on the standard mesh.
-    two_workers: float  # How many times as fast two worker processes get through a batch as one does.
-    loop_s: float  # What the loop, the memories, the rules and the journal add to a round.
-    repeats: int  # How many evaluations each median is over.
-
-
 def measure(folder: Path, task_name: str, repeats: int) -> dict[str, Any]:
-    """The `EvaluationCost` of one task, as a row: every way to evaluate it is timed, one after the other.
+    """What one evaluation of a task costs, as a row: medians on one machine, each way timed after the other.
 
     The task is named as ``bsa run`` takes it; ``folder`` is not needed.
     """
@@ -51,21 +36,31 @@ def measure(folder: Path, task_name: str, repeats: int) -> dict[str, Any]:
     rng = np.random.default_rng(repeats)
     batch = [task.space.project({k: v * rng.uniform(0.98, 1.02) for k, v in candidate.items()}) for _ in range(8)]
     assignment = Assignment(task.cell, (experiment,), task.space.targets)
-    with _pool(assignment, 1, candidate) as one, _pool(assignment, 2, candidate) as two:
+    with closing(WorkerPool(assignment, 1, 60.0)) as one, closing(WorkerPool(assignment, 2, 60.0)) as two:
+        list(one.simulate([candidate], False))  # A worker compiles with its first candidate.
+        list(two.simulate([candidate] * 2, False))
         solver_s, evaluation_s, worker_s = _medians(
             repeats,
             lambda: compiled.simulation.solve(inputs=inputs, calc_esoh=False),
             lambda: compiled.solve(candidate),
-            lambda: one([candidate]),
+            lambda: list(one.simulate([candidate], False)),
         )
-        alone_s, together_s = _medians(max(repeats // 5, 3), lambda: one(batch), lambda: two(batch))
+        alone_s, together_s = _medians(
+            max(repeats // 5, 3), lambda: list(one.simulate(batch, False)), lambda: list(two.simulate(batch, False))
+        )
     (rebuild_s,) = _medians(
         max(repeats // 5, 2), lambda: solve_reference(task.cell, experiment, task.space.change(candidate))
     )
-    cost = EvaluationCost(
-        solver_s, evaluation_s, worker_s, rebuild_s, alone_s / together_s, _loop_cost(task_name), repeats
-    )
-    return {"rows": [asdict(cost)], "summary": f"{cost.evaluation_s:.3f} s an evaluation"}
+    row = {
+        "solver_s": solver_s,  # PyBaMM's own solve of the compiled model: the floor.
+        "evaluation_s": evaluation_s,  # Our evaluation in the same process: solve and trajectory.
+        "worker_s": worker_s,  # The same through a worker process, as runs do it.
+        "rebuild_s": rebuild_s,  # Building the model for every evaluation, on the standard mesh.
+        "two_workers": alone_s / together_s,  # How many times as fast two worker processes get through a batch.
+        "loop_s": _loop_cost(task_name),  # What the loop, the memories, the rules and the journal add to a round.
+        "repeats": repeats,
+    }
+    return {"rows": [row], "summary": f"{evaluation_s:.3f} s an evaluation"}
 
 
 def evaluation_table(rows: Sequence[Row]) -> str:
@@ -81,21 +76,6 @@ def evaluation_table(rows: Sequence[Row]) -> str:
         ["the loop's own cost a round", f"{1e3 * row['loop_s']:.0f} ms"],
     ]
     return markdown_table([f"one evaluation, medians of {row['repeats']:.0f}", ""], lines)
-
-
-@contextmanager
-def _pool(assignment: Assignment, workers: int, first: Candidate) -> Iterator[Callable[[Sequence[Candidate]], object]]:
-    """Simulates batches in worker processes that have compiled already."""
-    pool = WorkerPool(assignment, workers, 60.0)
-
-    def simulate(candidates: Sequence[Candidate]) -> object:
-        return list(pool.simulate(candidates, False))
-
-    try:
-        simulate([first] * workers)
-        yield simulate
-    finally:
-        pool.close()
 
 
 def _medians(repeats: int, *actions: Callable[[], object]) -> list[float]:

@@ -5,7 +5,6 @@ diffusion, a straight line, and both together are fitted to the capacities of CA
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,18 +25,6 @@ LAWS: Mapping[str, tuple[Callable[[FloatArray], FloatArray], ...]] = {
 """What the capacity that is lost is a sum of, by the name of the law."""
 
 
-@dataclass(frozen=True)
-class Trend:
-    """A law of the cycle number, fitted to the first cycles of a life."""
-
-    cell: str
-    law: str
-    fitted_to: int  # The last cycle of the fit.
-    rms_pct: float  # What it leaves of the fitted capacities, in percent of the first one.
-    cycle: int
-    off_pct: float  # Continued minus measured capacity of that cycle, in percent of the measured one.
-
-
 def continued(cycle: FloatArray, capacity_ah: FloatArray, law: str, fitted_to: int) -> tuple[FloatArray, float]:
     """The capacities of all cycles by a law fitted to the first, A.h, and the root mean square of what it leaves, A.h.
 
@@ -51,13 +38,19 @@ def continued(cycle: FloatArray, capacity_ah: FloatArray, law: str, fitted_to: i
     return whole, float(np.sqrt(np.mean((whole - capacity_ah)[early] ** 2)))
 
 
-def trends_of(cell: str, cycle: FloatArray, capacity_ah: FloatArray) -> Iterator[Trend]:
+def trends_of(cell: str, cycle: FloatArray, capacity_ah: FloatArray) -> Iterator[dict[str, Any]]:
     """Every law, from every last cycle of the fit, at the last cycle of a life."""
     for fitted_to in FITTED_TO:
         for law in LAWS:
             whole, left = continued(cycle, capacity_ah, law, fitted_to)
-            off = whole[-1] / capacity_ah[-1] - 1.0
-            yield Trend(cell, law, fitted_to, 100.0 * left / capacity_ah[0], int(cycle[-1]), 100.0 * off)
+            yield {
+                "cell": cell,
+                "law": law,
+                "fitted_to": fitted_to,
+                "rms_pct": 100.0 * left / capacity_ah[0],  # What it leaves of the fitted capacities.
+                "cycle": int(cycle[-1]),
+                "off_pct": 100.0 * (whole[-1] / capacity_ah[-1] - 1.0),
+            }
 
 
 def continue_life(folder: Path, cell: str, record: Path) -> dict[str, Any]:
@@ -66,7 +59,7 @@ def continue_life(folder: Path, cell: str, record: Path) -> dict[str, Any]:
     tables = [e.target.cycle_table for e in (*task.experiments, *task.held_out)]
     known = [table for table in tables if table is not None]
     life = (np.concatenate([getattr(table, name) for table in known]) for name in ("cycle", "capacity_ah"))
-    rows = [asdict(trend) for trend in trends_of(cell, *life)]
+    rows = list(trends_of(cell, *life))
     return {"rows": rows, "summary": f"{len(rows)} trends"}
 
 

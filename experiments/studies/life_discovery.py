@@ -5,7 +5,7 @@ one is that of CALCE's cell CS2_35. Each is asked as ``bsa discover --life`` ask
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -105,26 +105,6 @@ HIDDEN = {
 }
 
 
-@dataclass(frozen=True)
-class LifeRow:
-    """What was found in one life."""
-
-    task: str
-    hidden: str  # The mechanism; empty for a measured life.
-    verdict: str
-    named: str
-    rivals: str
-    # Errors of the cell without ageing and of the best mechanism, in the fitted cycles and in the later ones, in
-    # standard deviations.
-    base_error: float
-    error: float
-    base_later_error: float
-    later_error: float
-    best: str  # The mechanism that came nearest.
-    reason: str
-    processor_s: float  # With the fit of the first cycle.
-
-
 def make(hidden: Hidden, path: Path, seed: int, cycles: int = CYCLES) -> None:
     """Simulate a life by PyBaMM's own experiment, and write it as a cycler would; whole or not at all."""
     values = pybamm.ParameterValues(SET)
@@ -149,19 +129,6 @@ def make(hidden: Hidden, path: Path, seed: int, cycles: int = CYCLES) -> None:
             np.savetxt(file, np.column_stack([time_s, -current, noisy]), "%.8g", ",")
             solution = cycle.last_state
             solution.termination = "final time"
-
-
-@dataclass(frozen=True)
-class ModeRow:
-    """How one quantity drifts over a life."""
-
-    task: str
-    quantity: str
-    cycle: int  # The last one.
-    value: float  # What it comes to there.
-    half: float  # Half its 95 % interval.
-    per_100_cycles: float
-    half_per_100_cycles: float
 
 
 def items(data: Path | None) -> dict[str, dict[str, Any]]:
@@ -189,33 +156,42 @@ def ask(folder: Path, case: str, record: Path | None = None) -> dict[str, Any]:
     found = discover(discover_options(records, folder / "found", parameters=base, model=model, max_effects=most))
     assert isinstance(found, LifeDiscovery)
     modes = [
-        ModeRow(case, m.name, m.cycles[-1], m.values[-1], m.half[-1], m.per_100_cycles, m.half_per_100_cycles)
-        for m in found.modes
-        if m.cycles
+        {
+            "task": case,
+            "quantity": mode.name,
+            # At the last cycle: its value, and half the 95 % interval of that.
+            "cycle": mode.cycles[-1],
+            "value": mode.values[-1],
+            "half": mode.half[-1],
+            "per_100_cycles": mode.per_100_cycles,
+            "half_per_100_cycles": mode.half_per_100_cycles,
+        }
+        for mode in found.modes
+        if mode.cycles
     ]
     row = row_of(case, found.findings, processor_s() - began)
-    summary = f"{row.verdict} {row.named}".rstrip()
-    return {"rows": [asdict(row)], "life_modes": [asdict(mode) for mode in modes], "summary": summary}
+    return {"rows": [row], "life_modes": modes, "summary": f"{row['verdict']} {row['named']}".rstrip()}
 
 
-def row_of(case: str, found: Findings, seconds: float) -> LifeRow:
-    """What was found, as a row."""
+def row_of(case: str, found: Findings, seconds: float) -> dict[str, Any]:
+    """What was found in a life, as a row; ``seconds`` of processor time include the fit of the first cycle."""
     named = " + ".join(found.best.names) if found.verdict in ("effect-found", "ambiguous") else ""
     rivals = ", ".join(sorted({" + ".join(rival.names) for rival in found.rivals}))
-    return LifeRow(
-        task=case,
-        hidden=HIDDEN[case].name if case in HIDDEN else "",
-        verdict=found.verdict,
-        named=named,
-        rivals=rivals,
-        base_error=found.base.rmse_v / DEVIATION_V,
-        error=found.best.rmse_v / DEVIATION_V,
-        base_later_error=found.base.held_rmse_v / DEVIATION_V,
-        later_error=found.best.held_rmse_v / DEVIATION_V,
-        best=found.best.label,
-        reason=found.reason,
-        processor_s=seconds,
-    )
+    return {
+        "task": case,
+        "hidden": HIDDEN[case].name if case in HIDDEN else "",
+        "verdict": found.verdict,
+        "named": named,
+        "rivals": rivals,
+        # Of the cell without ageing and of the best mechanism, in the fitted cycles and in the later ones.
+        "base_error": found.base.rmse_v / DEVIATION_V,
+        "error": found.best.rmse_v / DEVIATION_V,
+        "base_later_error": found.base.held_rmse_v / DEVIATION_V,
+        "later_error": found.best.held_rmse_v / DEVIATION_V,
+        "best": found.best.label,
+        "reason": found.reason,
+        "processor_s": seconds,
+    }
 
 
 def mechanisms_table(rows: Sequence[Row]) -> str:

@@ -3,7 +3,6 @@
 import csv
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -26,62 +25,21 @@ MEASURED_CURRENT, PAPER = "real_cells", "paper_cells"
 """The studies, by the names of their files: driven by the measured current, or by the steps that the records show."""
 
 
-@dataclass(frozen=True)
-class RecordRow:
-    """One record of one cell; errors are those of the voltage, in mV, and of the temperature, in K.
+Row = dict[str, Any]
 
-    NaN where nothing was simulated or measured.
 
-    A simulation that ended early has the errors of what it reached, and says why it ended.
-    """
-
-    cell: str
-    record: str
-    role: str
-    rms_mv: float
-    rms_99_mv: float
-    max_mv: float
-    start_mv: float
-    rms_k: float
-    simulations: int
-    simulator_s: float
-    failure: str
-
-    @property
-    def line(self) -> str:
-        """In words, on a line."""
-        kelvin = "" if math.isnan(self.rms_k) else f"; {self.rms_k:.2f} K"
+def line_of(row: Row) -> str:
+    """A row in words, on a line."""
+    if "record" not in row:
         return (
-            f"{self.cell}, {self.record} ({self.role}): {self.rms_mv:.1f} mV rms, "
-            f"{self.rms_99_mv:.1f} over 99 % of the time{kelvin}"
+            f"{row['cell']}: total MAPE {row['mape']:.2f} % (charge {row['q_mape']:.2f}, current {row['i_mape']:.2f}, "
+            f"voltage {row['v_mape']:.2f}) from {row['start_mape']:.1f}"
         )
-
-
-@dataclass(frozen=True)
-class ProtocolRow:
-    """One cell whose steps were simulated: the paper's errors in percent, charge, current and voltage apart."""
-
-    cell: str
-    start_mape: float
-    mape: float
-    q_mape: float
-    i_mape: float
-    v_mape: float
-    v_rmse_mv: float
-    simulations: int
-    failed: int
-    simulator_s: float
-
-    @property
-    def line(self) -> str:
-        """In words, on a line."""
-        return (
-            f"{self.cell}: total MAPE {self.mape:.2f} % (charge {self.q_mape:.2f}, current {self.i_mape:.2f}, "
-            f"voltage {self.v_mape:.2f}) from {self.start_mape:.1f}"
-        )
-
-
-Row = RecordRow | ProtocolRow
+    kelvin = "" if math.isnan(row["rms_k"]) else f"; {row['rms_k']:.2f} K"
+    return (
+        f"{row['cell']}, {row['record']} ({row['role']}): {row['rms_mv']:.1f} mV rms, "
+        f"{row['rms_99_mv']:.1f} over 99 % of the time{kelvin}"
+    )
 
 
 @cache
@@ -100,10 +58,10 @@ def chosen(names: Sequence[str], study: str = MEASURED_CURRENT) -> list[TaskFile
     return [known[name] for name in names] or list(cells(study))
 
 
-def with_earlier(rows: Sequence[Row], path: Path, study: str = MEASURED_CURRENT) -> list[dict[str, Any]]:
+def with_earlier(rows: Sequence[Row], path: Path, study: str = MEASURED_CURRENT) -> list[Row]:
     """Rows and, of the study's other cells, those that the file of an earlier call holds, in the study's order."""
-    found: list[dict[str, Any]] = [asdict(row) for row in rows]
-    run = {row.cell for row in rows}
+    found = list(rows)
+    run = {row["cell"] for row in rows}
     if path.is_file():
         with path.open(newline="", encoding="utf-8") as file:
             earlier = [row for row in csv.DictReader(file) if row.get("cell") not in run]
@@ -142,37 +100,41 @@ def run_cell(
     ]
 
 
-def _row(cell: str, errors: RecordErrors, role: str, result: RunResult) -> RecordRow:
+def _row(cell: str, errors: RecordErrors, role: str, result: RunResult) -> Row:
+    """One record of a cell: errors of the voltage in mV and of the temperature in K, NaN where there are none.
+
+    A simulation that ended early has the errors of what it reached, and says why it ended.
+    """
     nothing = float("nan")
     voltage = errors.signals.get("voltage")
     kelvin = errors.signals.get("temperature")
     before = nothing if result.initial_metrics is None else voltage_rmse_mv(result.initial_metrics)
-    return RecordRow(
-        cell,
-        errors.record,
-        role,
-        nothing if voltage is None else voltage.rms,
-        nothing if voltage is None else voltage.rms_99,
-        nothing if voltage is None else voltage.max,
-        before if role == "fitted" else nothing,
-        nothing if kelvin is None else kelvin.rms,
-        len(result.trials),
-        result.simulator_s,
-        errors.failure or "; ".join(errors.limits),
-    )
+    return {
+        "cell": cell,
+        "record": errors.record,
+        "role": role,
+        "rms_mv": nothing if voltage is None else voltage.rms,
+        "rms_99_mv": nothing if voltage is None else voltage.rms_99,
+        "max_mv": nothing if voltage is None else voltage.max,
+        "start_mv": before if role == "fitted" else nothing,
+        "rms_k": nothing if kelvin is None else kelvin.rms,
+        "simulations": len(result.trials),
+        "simulator_s": result.simulator_s,
+        "failure": errors.failure or "; ".join(errors.limits),
+    }
 
 
-def _protocol_row(cell: str, result: RunResult) -> ProtocolRow:
+def _protocol_row(cell: str, result: RunResult) -> Row:
+    """One cell whose steps were simulated: the paper's errors in percent, charge, current and voltage apart."""
     before, after = result.initial_metrics, result.lowest_metrics  # the paper compares by the score
-    errors = {key: float("nan") if after is None else after.value(key) for key in _PAPER_ERRORS}
-    return ProtocolRow(
-        cell=cell,
-        start_mape=float("nan") if before is None else before.value("mape"),
-        simulations=len(result.trials),
-        failed=sum(trial.failed for trial in result.trials),
-        simulator_s=result.simulator_s,
-        **errors,
-    )
+    return {
+        "cell": cell,
+        "start_mape": float("nan") if before is None else before.value("mape"),
+        **{key: float("nan") if after is None else after.value(key) for key in _PAPER_ERRORS},
+        "simulations": len(result.trials),
+        "failed": sum(trial.failed for trial in result.trials),
+        "simulator_s": result.simulator_s,
+    }
 
 
 _PAPER_ERRORS = ("mape", "q_mape", "i_mape", "v_mape", "v_rmse_mv")

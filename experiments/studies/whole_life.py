@@ -5,7 +5,6 @@ fitted, the later ones forecast.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,20 +28,6 @@ SET, MODEL, _SCAFFOLD = "Ai2020", "SPM", "ageing"
 _SIMULATIONS, _SEED = 80, 1234
 
 
-@dataclass(frozen=True)
-class ForecastRow:
-    """The capacity of one cycle."""
-
-    cell: str
-    fitted_to: int  # The last cycle of the fit.
-    cycle: int
-    measured_ah: float
-    predicted_ah: float
-    # low_ah, high_ah: 95 % band of a single cycle: of the parameters, and of the scatter about the fit.
-    low_ah: float
-    high_ah: float
-
-
 def record_of(cell: str, data: Path) -> Path:
     """The whole life of one of CALCE's cells, in the folder of all records."""
     return data.absolute() / _RECORD.format(cell)
@@ -64,12 +49,15 @@ def forecast(folder: Path, cell: str, record: Path) -> dict[str, Any]:
     config = run_config(_SCAFFOLD, "rules", {}, {"rounds": _SIMULATIONS, "simulations": _SIMULATIONS, "seed": _SEED})
     run = folder / "run"
     execute_run(task_of_life(record), config, run, open_backend("rules", {}), analysing=True)
-    rows = [asdict(row) for row in rows_of(cell, read_run(run))]
+    rows = list(rows_of(cell, read_run(run)))
     return {"rows": rows, "summary": f"{_off_pct(rows[-1]):+.1f} % off at cycle {rows[-1]['cycle']}"}
 
 
-def rows_of(cell: str, run: RunRecord) -> Iterator[ForecastRow]:
-    """What a run says of every fiftieth cycle, beside what was measured."""
+def rows_of(cell: str, run: RunRecord) -> Iterator[dict[str, Any]]:
+    """What a run says of the capacity of every fiftieth cycle, beside what was measured.
+
+    The 95 % band is that of a single cycle: of the parameters, and of the scatter about the fit.
+    """
     (prediction,) = run.held_out
     tables = [e.target.cycle_table for e in (*run.task.experiments, *run.task.held_out)]
     simulated = None if prediction.curve is None else prediction.curve.cycle_table
@@ -79,7 +67,15 @@ def rows_of(cell: str, run: RunRecord) -> Iterator[ForecastRow]:
         measured = [float(table.at(at)[0]) for table in tables if table is not None]
         middle = float(simulated.at(at)[0])
         half = float("nan") if prediction.fade is None else float(prediction.fade.at(at)[0])
-        yield ForecastRow(cell, FITTED, cycle, float(np.nanmax(measured)), middle, middle - half, middle + half)
+        yield {
+            "cell": cell,
+            "fitted_to": FITTED,
+            "cycle": cycle,
+            "measured_ah": float(np.nanmax(measured)),
+            "predicted_ah": middle,
+            "low_ah": middle - half,
+            "high_ah": middle + half,
+        }
 
 
 def forecast_table(rows: Sequence[Row]) -> str:

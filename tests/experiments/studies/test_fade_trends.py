@@ -17,6 +17,6 @@ def test_a_knee_after_the_fit_is_not_seen_in_it() -> None:
     capacity = 1.0 - 1e-4 * CYCLE - 1e-3 * np.maximum(CYCLE - 400.0, 0.0)
     found = list(trends_of("knee", CYCLE, capacity))
     assert len(found) == len(FITTED_TO) * len(LAWS)
-    by_line = next(one for one in found if one.law == "line")
-    assert by_line.rms_pct < 1e-9
-    assert by_line.off_pct == pytest.approx(100.0 * (0.95 / 0.85 - 1.0), rel=1e-3)
+    by_line = next(one for one in found if one["law"] == "line")
+    assert by_line["rms_pct"] < 1e-9
+    assert by_line["off_pct"] == pytest.approx(100.0 * (0.95 / 0.85 - 1.0), rel=1e-3)

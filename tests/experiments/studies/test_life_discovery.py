@@ -32,8 +32,8 @@ def test_an_explanation_that_was_not_accepted_names_nothing() -> None:
     fit = Refit(ParameterSpace(()), np.zeros(0), np.zeros(9), np.zeros((9, 0)), True)
     base = Explanation((), fit, Adequacy(0.0, 0.0, 1.0), 5e-3, 9e-3, np.zeros(9), np.ones(9))
     row = row_of("diffusion", Findings("unexplained", Gap(base, base, 1e-3, 1e-3), base, reason="why"), 12.0)
-    assert (row.hidden, row.named, row.rivals) == ("sei-growth", "", "")
-    assert (row.base_error, row.later_error) == (pytest.approx(5.0), pytest.approx(9.0))
+    assert (row["hidden"], row["named"], row["rivals"]) == ("sei-growth", "", "")
+    assert (row["base_error"], row["later_error"]) == (pytest.approx(5.0), pytest.approx(9.0))
 
 
 def test_a_measured_life_is_asked_where_its_records_are_said_to_be(tmp_path: Path) -> None:

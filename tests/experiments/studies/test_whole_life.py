@@ -42,12 +42,12 @@ def test_every_fiftieth_cycle_is_told_with_its_band() -> None:
     object.__setattr__(run, "task", replace(fitted, held_out=later))
     object.__setattr__(run, "held_out", (prediction,))
     rows = list(rows_of("cell", run))
-    assert [row.cycle for row in rows] == list(range(EVERY, LAST_CYCLE + 1, EVERY))
+    assert [row["cycle"] for row in rows] == list(range(EVERY, LAST_CYCLE + 1, EVERY))
     last = rows[-1]
-    assert last.measured_ah == pytest.approx(0.75)
-    assert last.predicted_ah == pytest.approx(0.8)
-    assert (last.low_ah, last.high_ah) == (pytest.approx(0.75), pytest.approx(0.85))
-    assert rows[0].measured_ah == pytest.approx(1.0 - 0.25 * (EVERY - 1) / (LAST_CYCLE - 1))
+    assert last["measured_ah"] == pytest.approx(0.75)
+    assert last["predicted_ah"] == pytest.approx(0.8)
+    assert (last["low_ah"], last["high_ah"]) == (pytest.approx(0.75), pytest.approx(0.85))
+    assert rows[0]["measured_ah"] == pytest.approx(1.0 - 0.25 * (EVERY - 1) / (LAST_CYCLE - 1))
 
 
 def test_the_files_are_taken_as_the_command_takes_them(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
