@@ -9,7 +9,6 @@ from typing import Any
 from ...core.files import read_json, write_json
 from ...core.messages import Backend
 from ...core.run.journal import FILE_NAME
-from ...core.run.loop import RunResult
 from ...core.run.run_config import RunConfig
 from ...core.task import Task
 from .cell import Axes
@@ -66,10 +65,19 @@ class Calibration:
         from ..run import execute_run
 
         task = _task(store, self.task.digest)
-        stopwatch = Stopwatch(resumed=(folder / FILE_NAME).is_file())
-        started = time.perf_counter()
+        resumed = (folder / FILE_NAME).is_file()
+        stopwatch, started = Stopwatch(), time.perf_counter()
         outcome = execute_run(task, self.config, folder, _backend(self, store), listener=stopwatch, report=False)
-        write_json(folder / TRACE, asdict(_trace(outcome, stopwatch, time.perf_counter() - started)))
+        trace = Trace(
+            [trial.objective if trial.ok else None for trial in outcome.trials],
+            "".join(trial.phase[0] for trial in outcome.trials),
+            # Of a run that was taken up again only the last part has times, which would say nothing.
+            [] if resumed else stopwatch.rounds,
+            max(0.0, stopwatch.proposer_s - outcome.usage.seconds),
+            resumed,
+            time.perf_counter() - started,
+        )
+        write_json(folder / TRACE, asdict(trace))
         content = read_json(folder / RESULT)
         assert content is not None
         return content
@@ -88,15 +96,3 @@ def _backend(cell: Calibration, store: Store) -> Backend:
 @lru_cache(maxsize=8)
 def _task(store: Store, digest: str) -> Task:
     return store.get_task(digest)
-
-
-def _trace(outcome: RunResult, stopwatch: Stopwatch, run_s: float) -> Trace:
-    return Trace(
-        [trial.objective if trial.ok else None for trial in outcome.trials],
-        "".join(trial.phase[0] for trial in outcome.trials),
-        # Of a run that was taken up again only the last part has times, which would say nothing.
-        [] if stopwatch.resumed else stopwatch.rounds,
-        max(0.0, stopwatch.proposer_s - outcome.usage.seconds),
-        stopwatch.resumed,
-        run_s,
-    )

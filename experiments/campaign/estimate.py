@@ -88,23 +88,17 @@ def _rounds_allowed(row: Row, store: Store) -> int:
     return 0
 
 
-def _expected(row: Row, config: RunConfig) -> float:
-    """How many simulations a run like a finished one makes under another budget.
+def _scaled(row: Row, config: RunConfig) -> Row:
+    """What a finished cell took, for another budget: as the simulations.
 
     One that spent its simulations, or its rounds, spends what it is allowed; one that ended before does so again.
     """
-    made = float(row["simulations"])
+    made = expected = float(row["simulations"])
     if row.get("status") == "simulations-spent":
-        return config.simulations
-    if row["rounds"]:
-        made *= config.rounds / row["rounds"]
-    return min(made, config.simulations)
-
-
-def _scaled(row: Row, config: RunConfig) -> Row:
-    """What a finished cell took, for another budget: as the simulations."""
-    made = float(row["simulations"])
-    share = _expected(row, config) / made if made > 0 else 1.0
+        expected = config.simulations
+    elif row["rounds"]:
+        expected *= config.rounds / row["rounds"]
+    share = min(expected, config.simulations) / made if made > 0 else 1.0
     return {name: None if row[name] is None else share * row[name] for name in (*_SPENT, "cost_usd")}
 
 

@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from itertools import product
 from pathlib import Path
@@ -15,43 +14,10 @@ from ...core.yaml_text import YAML_SUFFIXES
 from ..run_settings import run_config
 from .calibration import Calibration, TaskLabel
 from .cell import Axes, Axis
-from .grid_file import BackendChoice, Budgets, GridFile
+from .grid_file import BackendChoice, GridFile
 from .identity import identity_of, without_placement
 from .store import Store
 from .task_sources import Say, gather
-
-
-@dataclass(frozen=True)
-class _Configs:
-    """Configurations that differ in their seed alone are checked once."""
-
-    near: Path
-    known: dict[str, RunConfig] = field(default_factory=dict)
-
-    def get(
-        self, scaffold: str | Scaffold, backend: BackendChoice, seed: int, budgets: Budgets, simulator: str = ""
-    ) -> RunConfig:
-        limited = budgets.model_dump_json(include=set(Budgets.model_fields))
-        key = f"{scaffold}|{simulator}|{backend.model_dump_json()}|{limited}"
-        if key not in self.known:
-            defaults = RunConfig.model_fields
-            limits = {
-                name: defaults[name].default if (value := getattr(budgets, name)) is None else value
-                for name in ("rounds", "warm_up", "simulations")
-            }
-            # What is compared gets its whole budget: nobody is stopped for want of progress.
-            settings = {"patience": max(limits["rounds"], 1), **budgets.settings}
-            options = without_placement(backend.options)
-            self.known[key] = run_config(
-                self._path(scaffold), backend.use, options, {**limits, "seed": seed, **settings}, simulator
-            )
-        return self.known[key].model_copy(update={"seed": seed})
-
-    def _path(self, scaffold: str | Scaffold) -> str | Scaffold:
-        if isinstance(scaffold, Scaffold):
-            return scaffold
-        beside = self.near / scaffold
-        return str(beside) if beside.suffix in YAML_SUFFIXES and beside.is_file() else scaffold
 
 
 def expand(
@@ -63,9 +29,8 @@ def expand(
     `BsaError` if a task, scaffold, backend or setting does not exist, or the grid has not what `exclude` or
     `reference` names.
     """
-    configs = _Configs(near)
     cells: dict[tuple[str, str], Calibration] = {}
-    everything = list(_all(grid, configs, store, near, say, make))
+    everything = list(_all(grid, store, near, say, make))
     _check_names([cell.task for cell in everything])
     _check_excluded(grid, [cell.axes for cell in everything])
     for cell in everything:
@@ -114,25 +79,42 @@ def _check_reference(grid: GridFile, scaffolds: Sequence[str]) -> None:
         raise unknown(message, grid.reference, sorted(set(scaffolds)), "it has {}.")
 
 
-def _all(grid: GridFile, configs: _Configs, store: Store, near: Path, say: Say, make: bool) -> Iterator[Calibration]:
+def _all(grid: GridFile, store: Store, near: Path, say: Say, make: bool) -> Iterator[Calibration]:
     own = gather(grid.tasks, store, near, say, make)
-    yield from _product(own, grid, configs)
+    yield from _product(own, grid, near)
     for more in grid.include:
         replaced = {name: value for name in _REPLACED if (value := getattr(more, name)) is not None}
         settings = {**grid.settings, **more.settings}
         tasks = own if more.tasks is None else gather(more.tasks, store, near, say, make)
-        yield from _product(tasks, grid.model_copy(update={**replaced, "settings": settings}), configs)
+        yield from _product(tasks, grid.model_copy(update={**replaced, "settings": settings}), near)
 
 
 _REPLACED = ("rounds", "warm_up", "simulations", "scaffolds", "backends", "seeds")
 """What more cells may have in place of what the grid has."""
 
 
-def _product(tasks: Sequence[TaskLabel], grid: GridFile, configs: _Configs) -> Iterator[Calibration]:
-    for task, scaffold, backend, seed in product(tasks, grid.scaffolds, grid.backends, grid.seeds):
-        config = configs.get(scaffold, backend, seed, grid, task.simulator)
-        identity = identity_of(config, task.digest, task.effects) if task.digest else ""
-        yield Calibration(task, backend, config, identity)
+def _product(tasks: Sequence[TaskLabel], grid: GridFile, near: Path) -> Iterator[Calibration]:
+    # Configurations that differ in their seed alone are checked once.
+    known: dict[str, list[tuple[BackendChoice, RunConfig]]] = {}
+    for task in tasks:
+        if task.simulator not in known:
+            pairs = product(grid.scaffolds, grid.backends)
+            known[task.simulator] = [(b, _config(grid, near, scaffold, b, task.simulator)) for scaffold, b in pairs]
+        for (backend, checked), seed in product(known[task.simulator], grid.seeds):
+            config = checked.model_copy(update={"seed": seed})
+            identity = identity_of(config, task.digest, task.effects) if task.digest else ""
+            yield Calibration(task, backend, config, identity)
+
+
+def _config(grid: GridFile, near: Path, scaffold: str | Scaffold, backend: BackendChoice, simulator: str) -> RunConfig:
+    if isinstance(scaffold, str):
+        beside = near / scaffold
+        scaffold = str(beside) if beside.suffix in YAML_SUFFIXES and beside.is_file() else scaffold
+    limits = grid.model_dump(include={"rounds", "warm_up", "simulations"}, exclude_none=True)
+    # What is compared gets its whole budget: nobody is stopped for want of progress.
+    patience = max(limits.get("rounds", RunConfig.model_fields["rounds"].default), 1)
+    settings = {**limits, "patience": patience, **grid.settings}
+    return run_config(scaffold, backend.use, without_placement(backend.options), settings, simulator)
 
 
 def _fits(axes: Axes, condition: Mapping[Axis, Any]) -> bool:

@@ -4,6 +4,7 @@ import io
 import math
 import re
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from ...core.trajectory import FloatArray
 from .statistics import FLOOR
 from .store import Store
 from .summary import Row, grouped
-from .tables import label_of
+from .tables import EFFORT, label_of
 from .trace import read_trace
 
 _MOST_DOTS = 400
@@ -63,7 +64,7 @@ def distributions(rows: Sequence[Row], group: str, metric: str) -> str:
         panel.boxplot(
             columns, positions=places, showfliers=False, widths=0.6, medianprops={"color": "#1d2126", "linewidth": 1.4}
         )
-        for place, (column, colour) in enumerate(zip(columns, _colours(methods), strict=True), start=1):
+        for place, (column, colour) in enumerate(zip(columns, cycle(_COLOURS), strict=False), start=1):
             dots = column[:_MOST_DOTS]
             # Spread sideways, evenly and always the same.
             shift = 0.18 * ((np.arange(len(dots)) * 0.618) % 1.0 - 0.5)
@@ -80,7 +81,7 @@ def convergence(rows: Sequence[Row], store: Store) -> str:
     methods = _methods(rows)
     figure, panels = _panels(len(modes), f"{_of_objective(rows)}, best so far")
     for panel, mode in zip(panels, modes, strict=True):
-        for method, colour in zip(methods, _colours(methods), strict=True):
+        for method, colour in zip(methods, cycle(_COLOURS), strict=False):
             own = [row["identity"] for row in rows if (row["mode"], row["method"]) == (mode, method)]
             traces = [trace for identity in own if (trace := read_trace(store.cell(identity)).objective)]
             if not traces:
@@ -121,30 +122,22 @@ def _quartiles(traces: Sequence[Sequence[float | None]]) -> tuple[FloatArray, Fl
 
 def pareto(rows: Sequence[Row], metric: str) -> str:
     """Median error against simulations, time, tokens and cost, a point a method; what nothing beats is joined."""
-    axes = [
-        (name, label)
-        for name, label in (
-            ("simulations", "simulations"),
-            ("wall_s", "time / s"),
-            ("tokens", "tokens"),
-            ("cost_usd", "cost / $"),
-        )
-        if any((row[name] or 0) > 0 for row in rows)
-    ]
+    columns = ("simulations", "wall_s", "tokens", "cost_usd")
+    axes = [name for name in columns if any((row[name] or 0) > 0 for row in rows)]
     methods = _methods(rows)
     if not axes or len(methods) < 2:
         return ""
     figure, panels = _panels(len(axes), _on_axis(metric), width=3.3, height=3.1)
-    for panel, (name, label) in zip(panels, axes, strict=True):
+    for panel, name in zip(panels, axes, strict=True):
         points = {method: _medians(rows, method, name, metric) for method in methods}
-        for (method, (spent, error, low, high)), colour in zip(points.items(), _colours(methods), strict=True):
+        for (method, (spent, error, low, high)), colour in zip(points.items(), cycle(_COLOURS), strict=False):
             panel.errorbar(
                 [spent], [error], yerr=[[error - low], [high - error]], fmt="o", color=colour, capsize=2, label=method
             )
         front = _front([(spent, error) for spent, error, _, _ in points.values() if not math.isnan(spent)])
         panel.plot([x for x, _ in front], [y for _, y in front], "--", color="#999999", linewidth=1, zorder=0)
         panel.set_yscale("log")
-        panel.set_xlabel(label)
+        panel.set_xlabel(EFFORT[name])
     _legend(panels)
     return _svg(figure, "effort")
 
@@ -170,7 +163,7 @@ def round_times(times: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
     """Times round by round, s: a panel for each kind of time, a line a method."""
     figure, panels = _panels(len(times), "time / s")
     for panel, (title, by_method) in zip(panels, times.items(), strict=True):
-        for (method, seconds), colour in zip(by_method.items(), _colours(list(by_method)), strict=True):
+        for (method, seconds), colour in zip(by_method.items(), cycle(_COLOURS), strict=False):
             panel.plot(range(1, len(seconds) + 1), seconds, ".-", color=colour, label=method)
         panel.set_yscale("log")
         panel.set_xlabel("round")
@@ -181,10 +174,6 @@ def round_times(times: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
 
 def _methods(rows: Sequence[Row]) -> list[str]:
     return list(grouped(rows, "method"))
-
-
-def _colours(methods: Sequence[str]) -> list[str]:
-    return [_COLOURS[place % len(_COLOURS)] for place in range(len(methods))]
 
 
 def _on_axis(metric: str) -> str:

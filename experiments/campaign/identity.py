@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.contracts.effect_choice import entry_name
-from ...core.contracts.registry import Listing, installed
+from ...core.contracts.registry import installed
 from ...core.hooks import PROJECT
 from ...core.run.run_config import RunConfig
 from ..run import versions
@@ -48,13 +48,10 @@ def all_effects() -> tuple[tuple[str, str], ...]:
 @cache
 def versions_of(plugins: tuple[tuple[str, str], ...]) -> tuple[tuple[str, str], ...]:
     """What is installed, the code itself included, and who offers the plugins that take part, with a hash of theirs."""
-    listings: dict[tuple[str, str], Listing] = {
-        (listing.kind, listing.entry.name): listing for listing in installed().listings()
-    }
     found = {**versions(), "code": code_digest()}
-    for kind, name in plugins:
-        listing = listings.get((kind, name))
-        if listing is not None and not listing.own:
+    for listing in installed().listings():
+        kind, name = listing.kind, listing.entry.name
+        if (kind, name) in plugins and not listing.own:
             found[f"{kind} {name}"] = f"{listing.origin} {plugin_digest(listing.origin.rpartition(' ')[0])}"
     return tuple(sorted(found.items()))
 

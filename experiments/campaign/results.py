@@ -2,6 +2,7 @@
 
 import csv
 import importlib.util
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -68,12 +69,10 @@ def check_grid_folder(folder: Path) -> None:
 def _methods(axes: Sequence[Axes]) -> dict[tuple[str, str], str]:
     """What a row of a table is called: the scaffold, with the backend where it does not go without saying."""
     pairs = dict.fromkeys((own.scaffold, own.backend) for own in axes)
-    backends: dict[str, list[str]] = {}
-    for scaffold, backend in pairs:
-        backends.setdefault(scaffold, []).append(backend)
+    backends = Counter(scaffold for scaffold, _ in pairs)
     alone = len(backends) == 1
     return {
-        (scaffold, name): scaffold if len(backends[scaffold]) == 1 else name if alone else f"{scaffold} · {name}"
+        (scaffold, name): scaffold if backends[scaffold] == 1 else name if alone else f"{scaffold} · {name}"
         for scaffold, name in pairs
     }
 
@@ -137,28 +136,25 @@ def rows_of(manifest: Mapping[str, Any], store: Store, reports: Mapping[str, Rep
 
 def _facts(campaign: str, entry: Mapping[str, Any], store: Store, report: Report | None) -> Facts:
     folder = store.cell(entry["identity"])
-    result = report.result if report is not None and report.result else None
-    if result is None and entry["identity"]:
-        result = read_result(folder)
+    result = (report.result if report else None) or (read_result(folder) if entry["identity"] else None) or {}
     begun = bool(entry["identity"]) and store.journal_size(entry["identity"]) > 0
     state, reason = _state(entry, folder, result, report, begun)
-    known = result or {}
-    return Facts(campaign, entry, state, reason, folder, known if state == "done" else {}, known.get("lost_calls"))
+    return Facts(campaign, entry, state, reason, folder, result if state == "done" else {}, result.get("lost_calls"))
 
 
 def _state(
-    entry: Mapping[str, Any], folder: Path, result: Mapping[str, Any] | None, report: Report | None, begun: bool
+    entry: Mapping[str, Any], folder: Path, result: Mapping[str, Any], report: Report | None, begun: bool
 ) -> tuple[str, str]:
     if not entry["identity"]:
         return ("failed", str(entry["trouble"])) if entry["trouble"] else ("missing", "")
     if report is not None and report.state in ("failed", "lost"):
         return "failed", report.reason
-    if result is not None and result["status"] in FINAL:
+    if result and result["status"] in FINAL:
         return "done", ""
     failure = read_json(folder / FAILURE)  # of the last attempt, which may have had a result before
     if failure is not None:
         return "failed", str(failure.get("reason"))
-    if result is not None and result["status"] != OUTAGE:
+    if result and result["status"] != OUTAGE:
         return "stopped", str(result["status"])
     return ("stopped", "interrupted") if begun else ("missing", "")
 

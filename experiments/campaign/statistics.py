@@ -9,7 +9,7 @@ import numpy as np
 
 from ...core.printable import counted
 from ...core.trajectory import FloatArray
-from .summary import Row
+from .summary import Row, geometric_mean, grouped
 
 LEVEL = 0.05
 FEWEST_CASES = 6
@@ -65,13 +65,12 @@ class Comparison:
 
 def by_case(rows: Sequence[Row], metric: str = "objective") -> dict[str, dict[str, float]]:
     """Errors by method and case: the geometric mean over seeds; NaN where a seed has no result."""
-    values: dict[str, dict[str, list[float]]] = {}
-    for row in rows:
-        value = row[metric]
-        values.setdefault(row["method"], {}).setdefault(row["task"], []).append(math.nan if value is None else value)
     return {
-        method: {case: float(np.exp(np.mean(np.log(np.maximum(seeds, FLOOR))))) for case, seeds in cases.items()}
-        for method, cases in values.items()
+        method: {
+            case: geometric_mean(np.maximum(np.array([row[metric] for row in seeds], float), FLOOR))
+            for case, seeds in grouped(own, "task").items()
+        }
+        for method, own in grouped(rows, "method").items()
     }
 
 
@@ -130,10 +129,8 @@ def bootstrap(values: FloatArray) -> tuple[float, float]:
 
 def holm(p_values: Sequence[float]) -> list[float]:
     """Holm's step-down correction for several comparisons."""
-    order = sorted(range(len(p_values)), key=lambda place: p_values[place])
-    adjusted = [math.nan] * len(p_values)
-    running = 0.0
-    for rank, place in enumerate(order):
-        running = max(running, min(1.0, (len(order) - rank) * p_values[place]))
-        adjusted[place] = running
-    return adjusted
+    known = np.array(p_values)
+    order = np.argsort(known, kind="stable")
+    adjusted = np.empty(len(known))
+    adjusted[order] = np.maximum.accumulate(np.arange(len(known), 0, -1) * known[order])
+    return [float(p) for p in np.minimum(adjusted, 1.0)]

@@ -1,15 +1,14 @@
 """From the tasks that a grid names to tasks in the store, with the words by which tables group them."""
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, replace
+from itertools import product
 from pathlib import Path
-from typing import Any
 
 from ...core.errors import BsaError, did_you_mean
 from ...core.files import read_json, write_json
 from ...core.run.run_config import hash_of
-from ...core.task import Task
 from ..suite.case import SuiteCase
 from ..suite.selection import choose, load_suite
 from ..suite.starts import start_name, started
@@ -41,34 +40,25 @@ def gather(
     found: list[TaskLabel] = []
     for choice in choices:
         if isinstance(choice, SuiteFilter):
-            found += _from_suite(choice, store, say, make)
+            cases = product(suite_cases(choice).values(), choice.starts)
+            found += [_case(case, choice.search, start, store, say, make) for case, start in cases]
         else:
             found.append(_own(choice, store, near))
     return list(dict.fromkeys(found))
 
 
 def _own(name: str, store: Store, near: Path) -> TaskLabel:
-    task = _read(name, near)
-    digest = store.put_task(task)
-    chemistry = str(task.cell.parameter_set) or task.domain.name
-    return TaskLabel(
-        task.name, OWN, chemistry, digest=digest, simulator=task.simulator, effects=tuple(task.cell.effects)
-    )
-
-
-def _read(name: str, near: Path) -> Task:
     from ..tasks.find import find_task
     from ..tasks.task_file import is_task_file
 
     path = Path(name)
     beside = near / path
-    return find_task(str(beside if is_task_file(path) and beside.is_file() else path))
-
-
-def _from_suite(wanted: SuiteFilter, store: Store, say: Say, make: bool) -> Iterator[TaskLabel]:
-    for case in suite_cases(wanted).values():
-        for start in wanted.starts:
-            yield _case(case, wanted.search, start, store, say, make)
+    task = find_task(str(beside if is_task_file(path) and beside.is_file() else path))
+    digest = store.put_task(task)
+    chemistry = str(task.cell.parameter_set) or task.domain.name
+    return TaskLabel(
+        task.name, OWN, chemistry, digest=digest, simulator=task.simulator, effects=tuple(task.cell.effects)
+    )
 
 
 def _count(cases: int | str | list[str] | None) -> int:
@@ -108,7 +98,8 @@ def _none_has(wanted: SuiteFilter, what: str, allowed: Sequence[str], known: Ite
 
 def _case(case: SuiteCase, search: str | None, start: int, store: Store, say: Say, make: bool) -> TaskLabel:
     label = TaskLabel(start_name(case.key, start), case.mode, case.parameter_set, case.rates)
-    note = store.root / "tasks" / f"{_reference(case, search, start)}.case.json"
+    asked = {"case": asdict(case), "search": search, "start": start, "versions": versions_of_study()}
+    note = store.root / "tasks" / f"{hash_of(asked, 32)}.case.json"
     known = read_json(note)
     if known is not None:
         digest, trouble = str(known.get("digest", "")), str(known.get("trouble", ""))
@@ -127,13 +118,3 @@ def _case(case: SuiteCase, search: str | None, start: int, store: Store, say: Sa
             return label
     write_json(note, {"digest": label.digest, "trouble": label.trouble})
     return label
-
-
-def _reference(case: SuiteCase, search: str | None, start: int) -> str:
-    content: dict[str, Any] = {
-        "case": asdict(case),
-        "search": search,
-        "start": start,
-        "versions": versions_of_study(),
-    }
-    return hash_of(content, 32)

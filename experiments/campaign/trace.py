@@ -16,7 +16,7 @@ from ...core.trial import Phase, Trial
 from .store import TRACE
 
 
-@dataclass(frozen=True)
+@dataclass
 class RoundTime:
     """One round of the search."""
 
@@ -54,13 +54,9 @@ class Trace:
 
 
 class Stopwatch(Listener):
-    """A listener that reads the clock when proposals and trials come by.
+    """A listener that reads the clock when proposals and trials come by."""
 
-    ``resumed``: the run was begun by an earlier process, whose times are not known.
-    """
-
-    def __init__(self, resumed: bool = False) -> None:
-        self.resumed = resumed
+    def __init__(self) -> None:
         self.proposer_s = 0.0
         self.rounds: list[RoundTime] = []
         self._searching = False
@@ -86,9 +82,9 @@ class Stopwatch(Listener):
         backend_s, self._backend_s = usage.seconds - self._backend_s, usage.seconds
         if self._searching:
             last = self.rounds[-1]
-            self.rounds[-1] = RoundTime(
-                last.proposer_s, last.backend_s + backend_s, last.round_s + spent, last.simulations + 1
-            )
+            last.backend_s += backend_s
+            last.round_s += spent
+            last.simulations += 1
 
 
 def read_trace(folder: Path) -> Trace:
