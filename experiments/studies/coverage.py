@@ -15,6 +15,7 @@ from typing import Any, get_args
 
 import numpy as np
 
+from ...backends.opening import open_backend
 from ...core.cell import VOLTAGE
 from ...core.comparison.residuals import noise_of_residuals, residuals
 from ...core.inference.identifiability import Verdict
@@ -26,8 +27,14 @@ from ...core.run.run_config import RunConfig
 from ...core.scaffold import load_scaffold
 from ...core.simulation import ExperimentRun, Outcome
 from ...core.target import INITIAL_SOC, CellChange, InitialSoc, InitialVoltage, soc_name
-from ...core.task import CellModel, Experiment, Protocol, Task
+from ...core.task import CellModel, Experiment, Task
 from ...core.trajectory import FloatArray, Trajectory
+from ...plugins.pybamm.before_search.presets import preset_space
+from ...plugins.pybamm.cells.parameter_sets import load
+from ...plugins.pybamm.cells.state_of_charge import equilibrium_capacity_ah
+from ...plugins.pybamm.modelling.resolution import Resolution
+from ...plugins.pybamm.solving.compiled import CompiledExperiment
+from ...plugins.pybamm.solving.experiment_kinds import compiled
 from ..campaign.running import Plan
 from ..campaign.study_cell import StudyCell, plan_study
 from ..campaign.summary import exact_bounds, grouped
@@ -84,13 +91,9 @@ Row = dict[str, Any]
 class Drawn:
     """A task with its truth."""
 
-    number: int  # Of the task.
+    told: Row  # How it was drawn, as the first columns of its rows.
     task: Task  # What is fitted.
     truth: Candidate  # The true value of every searched parameter.
-    noise_v: float  # Standard deviation of the voltage's noise, V.
-    sampling_s: float  # Between samples, s.
-    points: int  # Mesh points of the truth.
-    changes: int  # Parameters that differ from the base cell's.
     unseen: Experiment  # A discharge that was not measured; its target is the truth.
     unseen_v: FloatArray  # Its true voltage at `_SHARES` of its duration, V.
     unseen_s: FloatArray  # When that is, s.
@@ -124,31 +127,28 @@ def draw(seed: int, number: int, model: str, points: int) -> Drawn:
     assert unseen_run is not None
     record = sampled(clean, sampling_s)
     noisy = record.changed(voltage=record.voltage + rng.normal(0.0, noise_v, len(record)))
-    measured = replace(experiment, target=noisy, protocol=None if of_cell else experiment.protocol)
+    measured, predicted = replace(experiment, target=noisy), replace(unseen, target=unseen_run)
     if of_cell:
         cell, space = _of_its_size(cell, space, noisy)
-    predicted = replace(unseen, target=unseen_run)
-    if of_cell:
-        predicted = replace(unseen, target=sampled(unseen_run, sampling_s), protocol=None)
+        measured = replace(measured, protocol=None)
+        predicted = replace(predicted, target=sampled(unseen_run, sampling_s), protocol=None)
     seconds = np.array(_SHARES) * unseen_run.duration
-    return Drawn(
-        number,
-        Task(f"coverage-{number}", cell, space, (measured,)),
-        truth,
-        noise_v,
-        sampling_s,
-        points,
-        changes,
-        predicted,
-        _signal_at(unseen_run, "voltage", seconds),
-        seconds,
-    )
+    told = {
+        "task": number,
+        "truth_points": points,  # Of the mesh.
+        "base": base,
+        "model": model,
+        "noise_mv": 1e3 * noise_v,
+        "sampling_s": sampling_s,
+        "parameters": len(space),
+        "changes": changes,  # Parameters that differ from the base cell's.
+    }
+    task = Task(f"coverage-{number}", cell, space, (measured,))
+    return Drawn(told, task, truth, predicted, _signal_at(unseen_run, "voltage", seconds), seconds)
 
 
 def _changed_geometry(cell: CellModel, rng: np.random.Generator) -> tuple[ParameterSpace, Candidate, int]:
     """The nine parameters of the paper, one to nine of which differ from the base cell's."""
-    from ...plugins.pybamm.before_search.presets import preset_space
-
     space = preset_space(cell.parameter_set, "geometry")
     changed = rng.permutation(len(space))[: int(rng.integers(1, len(space) + 1))]
     place = space.to_unit(space.initial)
@@ -158,8 +158,6 @@ def _changed_geometry(cell: CellModel, rng: np.random.Generator) -> tuple[Parame
 
 def _measured_cell(cell: CellModel, rng: np.random.Generator) -> tuple[ParameterSpace, Candidate, int]:
     """The preset `cell` without some of its corrections of the potentials; all differ as their priors say."""
-    from ...plugins.pybamm.before_search.presets import preset_space
-
     whole = preset_space(cell.parameter_set, "cell", options=cell.options)
     corrections = [name for name in whole.names if _CORRECTION in name]
     dropped = set(rng.permutation(corrections)[: int(rng.integers(len(corrections)))])
@@ -171,10 +169,6 @@ def _measured_cell(cell: CellModel, rng: np.random.Generator) -> tuple[Parameter
 
 def _of_its_size(cell: CellModel, space: ParameterSpace, record: Trajectory) -> tuple[CellModel, ParameterSpace]:
     """The cell from which `bsa run` would begin a fit of the record, and the same parameters around it."""
-    from ...plugins.pybamm.before_search.presets import preset_space
-    from ...plugins.pybamm.cells.parameter_sets import load
-    from ...plugins.pybamm.cells.state_of_charge import equilibrium_capacity_ah
-
     values, holds_ah = load(cell.parameter_set), equilibrium_capacity_ah(cell.parameter_set, {})
     factor, _ = size_factor([Record(_MEASURED, record)], values, holds_ah, [None])
     sized = replace(cell, overrides={WIDTH: factor * float(values[WIDTH])})
@@ -201,8 +195,6 @@ def _from_prior(parameter: Parameter, rng: np.random.Generator) -> float:
 
 def _experiments(cell: CellModel, rng: np.random.Generator, of_cell: bool) -> tuple[Experiment, Experiment]:
     """What is measured, and what is not."""
-    from ...plugins.pybamm.cells.parameter_sets import load
-
     values = load(cell.parameter_set)
     high, low = (float(values[f"{which} voltage cut-off [V]"]) for which in ("Upper", "Lower"))
     charge, discharge = rng.choice(RATES, 2)
@@ -214,19 +206,15 @@ def _experiments(cell: CellModel, rng: np.random.Generator, of_cell: bool) -> tu
         "Rest for 30 minutes",
     )
     nothing = Trajectory(np.zeros(1), np.zeros(1), np.zeros(1))
-
-    def experiment(name: str, protocol: Protocol, soc: float | None) -> Experiment:
-        return Experiment(name, nothing, protocol, initial_soc=soc)
-
-    unseen = ((f"Discharge at {UNSEEN_RATE:g}C until {low:g} V",),)
-    return experiment(_MEASURED, (cycle,), None if of_cell else 0.05), experiment("unseen", unseen, 1.0)
+    unseen = (f"Discharge at {UNSEEN_RATE:g}C until {low:g} V",)
+    return (
+        Experiment(_MEASURED, nothing, (cycle,), initial_soc=None if of_cell else 0.05),
+        Experiment("unseen", nothing, (unseen,), initial_soc=1.0),
+    )
 
 
 def _true_run(cell: CellModel, experiment: Experiment, change: CellChange, points: int, graded: bool) -> ExperimentRun:
     """The truth, on a finer mesh than the fit's; ``graded`` where the fit follows a measured current."""
-    from ...plugins.pybamm.modelling.resolution import Resolution
-    from ...plugins.pybamm.solving.compiled import CompiledExperiment
-
     fine = Resolution(rtol=1e-7, points=points, standard_mesh=True, least_atol=1e-7)
     fine = fine.graded() if graded else fine
     return CompiledExperiment(cell, experiment, {}, fine, baked=change).solve({})
@@ -254,8 +242,6 @@ def _signal_at(run: Trajectory | None, signal: str, seconds: FloatArray) -> Floa
 
 def fit(drawn: Drawn, simulations: int, seed: int, folder: Path) -> RunResult:
     """What `bsa run` says of a drawn task with its scaffold; the unseen discharge is held out."""
-    from ...backends.opening import open_backend
-
     task = replace(drawn.task, held_out=(drawn.unseen,))
     config = RunConfig(scaffold=load_scaffold(drawn.scaffold), rounds=simulations, simulations=simulations, seed=seed)
     return execute_run(task, config, folder, open_backend(config.backend, {}), report=False, analysing=True)
@@ -266,14 +252,7 @@ def rows_of(drawn: Drawn, result: RunResult) -> list[Row]:
     if result.best.residuals is None or result.analysis is None:
         return []
     shared: Row = {
-        "task": drawn.number,
-        "truth_points": drawn.points,
-        "base": drawn.task.cell.parameter_set,
-        "model": drawn.task.cell.model,
-        "noise_mv": 1e3 * drawn.noise_v,
-        "sampling_s": drawn.sampling_s,
-        "parameters": len(drawn.task.space),
-        "changes": drawn.changes,
+        **drawn.told,
         "scaffold": drawn.scaffold,
         "simulations": len(result.trials),
         "simulations_after": result.analysis.simulations,
@@ -302,8 +281,6 @@ def rows_of(drawn: Drawn, result: RunResult) -> list[Row]:
 
 def _cost_of_truth(drawn: Drawn) -> float:
     """What the truth costs on the mesh of the fit; NaN if it cannot be simulated there."""
-    from ...plugins.pybamm.solving.experiment_kinds import compiled
-
     task = drawn.task
     runs = [compiled(task.cell, experiment, task.space.targets).solve(drawn.truth) for experiment in task.experiments]
     found = residuals(task, Outcome(tuple(runs)))

@@ -189,10 +189,9 @@ def held_out_rows(recovered: Recovered, seed: int) -> list[dict[str, Any]]:
         "default": space.initial,
     }
     cell = cell_of(case)
-    quiet = replace(case, noise_v=0.0)
     rows: list[dict[str, Any]] = []
     for rate in HELD_OUT_RATES:
-        experiment = experiment_of(quiet, rate, rate)
+        experiment = experiment_of(replace(case, charge_rate=rate, discharge_rate=rate))
         target = reference_run(cell, experiment, truth)
         if target.failure is not None or target.trajectory is None:
             continue

@@ -9,7 +9,7 @@ Nothing but the benchmark reads this module or its list: no proposer, prior or r
 
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from itertools import product
+from itertools import islice, product
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,8 @@ from .filters import CompiledFilter
 SETS = ("Chen2020", "ORegan2022", "Ecker2015", "Prada2013", "Marquis2019")
 RATES = (0.2, 1.0, 2.0)
 SEED = 2026
+"""Of the order in which combinations are tried."""
+
 PER_SET_AND_MODE = 20
 CASES_FILE = Path(__file__).with_name("generated_cases.yaml")
 
@@ -104,27 +106,15 @@ def all_cases() -> Iterator[SuiteCase]:
                     numbers[mode] += 1
 
 
-def generate(
-    seed: int = SEED, per_set_and_mode: int = PER_SET_AND_MODE, keep: Callable[[SuiteCase], bool] | None = None
-) -> list[SuiteCase]:
-    """Draw cases at random and filter them until each base cell and mode has enough.
-
-    The seed is the order in which the combinations are tried; ``keep`` replaces the paper's two filters.
-    """
-    test = keep or CompiledFilter(COLUMNS)
+def generate(keep: Callable[[SuiteCase], bool]) -> list[SuiteCase]:
+    """Draw cases at random and filter them by ``keep`` until each base cell and mode has enough."""
     pools: dict[tuple[str, str], list[SuiteCase]] = {}
     for case in all_cases():
         pools.setdefault((case.mode, case.parameter_set), []).append(case)
     chosen: list[SuiteCase] = []
     for place, pool in enumerate(pools.values()):
-        order = np.random.default_rng([seed, place]).permutation(len(pool))
-        kept: list[SuiteCase] = []
-        for index in order:
-            if len(kept) == per_set_and_mode:
-                break
-            if test(pool[index]):
-                kept.append(pool[index])
-        chosen += kept
+        drawn = (pool[index] for index in np.random.default_rng([SEED, place]).permutation(len(pool)))
+        chosen += islice(filter(keep, drawn), PER_SET_AND_MODE)
     return sorted(chosen, key=lambda case: (case.mode, case.number))
 
 
@@ -167,4 +157,4 @@ if __name__ == "__main__":
         print(f"{case.key} {case.parameter_set} {case.rates}: {'kept' if kept else 'dropped'}", file=sys.stderr)
         return kept
 
-    write(generate(keep=_reported))
+    write(generate(_reported))

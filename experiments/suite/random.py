@@ -40,7 +40,6 @@ def _draw(seed: int, number: int, keep: Callable[[SuiteCase], bool]) -> SuiteCas
     parameter_set = SETS[number % len(SETS)]
     base = load(parameter_set)
     names = [*_LARGEST_FACTOR, *POROSITIES, *BRUGGEMAN]
-    case = None
     for _ in range(_ATTEMPTS):
         chosen = rng.permutation(len(names))[: int(rng.integers(1, len(names) + 1))]
         changes = {names[index]: _perturbed(names[index], float(base[names[index]]), rng) for index in sorted(chosen)}
@@ -49,7 +48,6 @@ def _draw(seed: int, number: int, keep: Callable[[SuiteCase], bool]) -> SuiteCas
         if keep(case):
             break
     # The last draw stands where none passed: a case that no proposer can finish is reported, not hidden.
-    assert case is not None
     return case
 
 

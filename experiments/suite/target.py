@@ -40,18 +40,18 @@ def cell_of(case: SuiteCase) -> CellModel:
     return CellModel(case.parameter_set, "DFN", case.options)
 
 
-def experiment_of(case: SuiteCase, charge_rate: float | None = None, discharge_rate: float | None = None) -> Experiment:
-    """The case's experiment without its target. Other C-rates than the case's are for held-out protocols."""
+def experiment_of(case: SuiteCase) -> Experiment:
+    """The case's experiment without its target."""
     from ...plugins.pybamm.cells.parameter_sets import load
 
     values = load(case.parameter_set)
     nothing = np.zeros(1)
     return Experiment(
-        name=f"{charge_rate or case.charge_rate:g}C/{discharge_rate or case.discharge_rate:g}C",
+        name=case.rates,
         target=Trajectory(nothing, nothing, nothing),
         protocol=protocol(
-            charge_rate or case.charge_rate,
-            discharge_rate or case.discharge_rate,
+            case.charge_rate,
+            case.discharge_rate,
             float(values["Upper voltage cut-off [V]"]),
             float(values["Lower voltage cut-off [V]"]),
             case.cycles,
