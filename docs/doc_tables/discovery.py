@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 from bsa.core.errors import BsaError
-from bsa.experiments.campaign.summary import exact_interval
+from bsa.experiments.campaign.summary import exact_interval, grouped
 from bsa.experiments.campaign.text_tables import Entry, brief, markdown_table, table_of
 from bsa.experiments.discovery_bench.grading import Graded, graded_of
-from bsa.experiments.discovery_bench.repeats import Repeat, repeats_table
+from bsa.experiments.discovery_bench.repeats import repeats_table
 from bsa.experiments.discovery_bench.sensitivity import sensitivity_table
 from bsa.experiments.discovery_bench.tables import GRADES, answers, by_setting, grade_counts, hidden_words
 
@@ -272,9 +272,7 @@ def _rates_beside(by_way: Mapping[str, Sequence[Graded]]) -> str:
 
 def repeated_tests(results: Results) -> str:
     """How far tests of a cell are from those before them."""
-    by_cell: dict[str, list[Repeat]] = {}
-    for row in results.rows("discovery_repeats"):
-        by_cell.setdefault(row.pop("cell"), []).append(Repeat(**row))
+    by_cell = grouped(results.rows("discovery_repeats"), "cell")
     tables = [f"{cell}:\n\n{repeats_table(rows)}" for cell, rows in by_cell.items()]
     return results.framed("discovery_repeats", "\n\n".join(tables))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -55,9 +56,9 @@ def make_command(
     """Make blind cases, with their answers sealed."""
     from ..discovery_bench.draws import draw, draw_short
     from ..discovery_bench.making import make_cases
-    from ..discovery_bench.simulated_case import simulated
+    from ..discovery_bench.simulated_case import make
 
-    make_cases(folder, simulated(draw_short if short else draw), count, seed, print)
+    make_cases(folder, partial(make, drawn=draw_short if short else draw), count, seed, print)
 
 
 @discovery_app.command("hide", cls=RecordsCommand)
@@ -120,8 +121,6 @@ def repeats_command(
     out: Annotated[Path, shared.output_option(metavar="FILE", help="Rows, one for each record.")] = Path("repeats.csv"),
 ) -> None:
     """How well the tests of a cell repeat, which tells what a discovery beside references could see."""
-    from dataclasses import asdict
-
     from ...core.files import write_csv
     from ...core.validation import validated
     from ..discovery_bench.repeats import repeats, repeats_table
@@ -134,7 +133,7 @@ def repeats_command(
     asked = {"data": files, "parameters": parameters, "model": model, "search": search, "out": out.parent}
     rows = repeats(validated(DiscoverOptions, asked, "discovery"))
     print(repeats_table(rows))
-    write_csv(out, [asdict(row) for row in rows])
+    write_csv(out, rows)
 
 
 @discovery_app.command("run")

@@ -65,7 +65,7 @@ class Graded:
 def grade_cases(folder: Path, name: str) -> list[Graded]:
     """Grade every case that a campaign has run."""
     told = sorted(read_results(folder, name), key=lambda case: case[0])
-    return [_graded(task, {**_FAILED, **found}, answer) for task, found, answer in told]
+    return [_graded(task, {**_FAILED, **found}, answer) for task, _, found, answer in told]
 
 
 _FAILED = {"verdict": "failed", "names": (), "wall_s": 0.0, "cpu_s": 0.0, "simulations": 0}

@@ -73,8 +73,14 @@ def multiplied(value: Any, factor: Callable[..., Any]) -> Callable[..., Any]:
     return function
 
 
-def _contact(values: Any, strength: float, ambient_k: float) -> None:
-    values["Contact resistance [Ohm]"] = strength
+def _in_proportion(factor: float, *names: str) -> Callable[[Any, float, float], None]:
+    """Gives parameters the strength times a factor as their value."""
+
+    def prepare(values: Any, strength: float, ambient_k: float) -> None:
+        for name in names:
+            values[name] = factor * strength
+
+    return prepare
 
 
 def _cooling(values: Any, strength: float, ambient_k: float) -> None:
@@ -86,11 +92,6 @@ def _arrhenius(values: Any, strength: float, ambient_k: float) -> None:
     factor = float(np.exp(1e3 * strength / _GAS * (1 / _REFERENCE_K - 1 / ambient_k)))
     for name in _TRANSPORT_AND_KINETICS:
         values[name] = multiplied(values[name], lambda *arguments: factor)
-
-
-def _double_layer(values: Any, strength: float, ambient_k: float) -> None:
-    for which in ("Negative", "Positive"):
-        values[f"{which} electrode double-layer capacity [F.m-2]"] = strength
 
 
 def _hysteresis(time: FloatArray, current: FloatArray, strength: float, capacity: float) -> FloatArray:
@@ -124,14 +125,6 @@ def _diffusivity(which: str, law: Callable[[Any, float], Any]) -> Callable[[Any,
     return prepare
 
 
-def _sloped(stoichiometry: Any, strength: float) -> Any:
-    return pybamm.exp(strength * (stoichiometry - 0.5))
-
-
-def _stressed(stoichiometry: Any, strength: float) -> Any:
-    return 1.0 + strength * stoichiometry
-
-
 def _marcus(values: Any, strength: float, ambient_k: float) -> None:
     energy = 1.0 / strength
     # The cell is isothermal: PyBaMM's form lacks this factor at its temperature.
@@ -140,14 +133,6 @@ def _marcus(values: Any, strength: float, ambient_k: float) -> None:
         name = f"{which} electrode exchange-current density [A.m-2]"
         values[name] = multiplied(values[name], lambda *arguments: normal)
         values[f"{which} electrode reorganization energy [eV]"] = energy
-
-
-def _sei_reaction(values: Any, strength: float, ambient_k: float) -> None:
-    values["SEI reaction exchange current density [A.m-2]"] = 1.5e-7 * strength
-
-
-def _sei_diffusion(values: Any, strength: float, ambient_k: float) -> None:
-    values["SEI solvent diffusivity [m2.s-1]"] = 2.5e-22 * strength
 
 
 def _plating(values: Any, strength: float, ambient_k: float) -> None:
@@ -206,22 +191,6 @@ def _clogging(values: Any, strength: float, ambient_k: float) -> None:
     values["Cation transference number"] = fewer
 
 
-def _gain(time: FloatArray, current: FloatArray, voltage: FloatArray, strength: float) -> tuple[FloatArray, FloatArray]:
-    return current / strength, voltage
-
-
-def _current_offset(
-    time: FloatArray, current: FloatArray, voltage: FloatArray, strength: float
-) -> tuple[FloatArray, FloatArray]:
-    return current - strength, voltage
-
-
-def _voltage_offset(
-    time: FloatArray, current: FloatArray, voltage: FloatArray, strength: float
-) -> tuple[FloatArray, FloatArray]:
-    return current, voltage + strength
-
-
 def _late(time: FloatArray, current: FloatArray, voltage: FloatArray, strength: float) -> tuple[FloatArray, FloatArray]:
     # A step's last sample and the next one's first may carry the same stamp: a microsecond apart they stay in order.
     return current, np.interp(time - strength, time + 1e-6 * np.arange(len(time)), voltage)
@@ -230,7 +199,7 @@ def _late(time: FloatArray, current: FloatArray, voltage: FloatArray, strength: 
 EFFECTS: tuple[HiddenEffect, ...] = (
     HiddenEffect(
         "contact-resistance", "contact-resistance: resistance [Ohm]", 5e-4, 4.5e-2, scale="resistance",
-        options={"contact resistance": "true"}, prepare=_contact,
+        options={"contact resistance": "true"}, prepare=_in_proportion(1.0, "Contact resistance [Ohm]"),
     ),
     HiddenEffect(
         "self-heating", "self-heating: thermal_resistance [K.W-1]", 1.0, 15.0, scale="resistance", records="thermal",
@@ -242,7 +211,10 @@ EFFECTS: tuple[HiddenEffect, ...] = (
     ),
     HiddenEffect(
         "double-layer-capacitance", "double-layer-capacitance: capacitance [F.m-2]", 2.0, 150.0,
-        options={"surface form": "differential"}, prepare=_double_layer,
+        options={"surface form": "differential"},
+        prepare=_in_proportion(
+            1.0, "Negative electrode double-layer capacity [F.m-2]", "Positive electrode double-layer capacity [F.m-2]"
+        ),
     ),
     HiddenEffect("ocp-hysteresis", "ocp-hysteresis: half_gap [V]", 1e-3, 6e-2, records="charge", voltage=_hysteresis),
     HiddenEffect(
@@ -257,14 +229,15 @@ EFFECTS: tuple[HiddenEffect, ...] = (
     *(
         HiddenEffect(
             f"solid-diffusivity-variation ({which.lower()} electrode)", "solid-diffusivity-variation: log_slope",
-            0.2, 6.0, signed=True, prepare=_diffusivity(which, _sloped),
+            0.2, 6.0, signed=True,
+            prepare=_diffusivity(which, lambda stoichiometry, slope: pybamm.exp(slope * (stoichiometry - 0.5))),
         )
         for which in ("Negative", "Positive")
     ),
     *(
         HiddenEffect(
             f"stress-induced-diffusion ({which.lower()} electrode)", "stress-induced-diffusion: coupling",
-            0.2, 9.0, prepare=_diffusivity(which, _stressed),
+            0.2, 9.0, prepare=_diffusivity(which, lambda stoichiometry, coupling: 1.0 + coupling * stoichiometry),
         )
         for which in ("Negative", "Positive")
     ),
@@ -274,11 +247,13 @@ EFFECTS: tuple[HiddenEffect, ...] = (
     ),
     HiddenEffect(
         "sei-growth (reaction-limited)", "sei-growth: rate", 3.0, 180.0, records="ageing",
-        options={"SEI": "reaction limited"}, prepare=_sei_reaction,
+        options={"SEI": "reaction limited"},
+        prepare=_in_proportion(1.5e-7, "SEI reaction exchange current density [A.m-2]"),
     ),
     HiddenEffect(
         "sei-growth (diffusion-limited)", "sei-growth: rate", 60.0, 9000.0, records="ageing",
-        options={"SEI": "solvent-diffusion limited"}, prepare=_sei_diffusion,
+        options={"SEI": "solvent-diffusion limited"},
+        prepare=_in_proportion(2.5e-22, "SEI solvent diffusivity [m2.s-1]"),
     ),
     HiddenEffect(
         "lithium-plating", "lithium-plating: rate", 10.0, 900.0, records="ageing",
@@ -296,12 +271,18 @@ EFFECTS: tuple[HiddenEffect, ...] = (
         options={"calculate discharge energy": "true"}, prepare=_clogging,
     ),
     HiddenEffect("self-discharge", "self-discharge: leak [A]", 3e-3, 0.15, scale="current", leak=True),
-    HiddenEffect("current-gain", "current-gain: gain", 3e-3, 0.1, null=1.0, signed=True, instrument=_gain),
+    HiddenEffect(
+        "current-gain", "current-gain: gain", 3e-3, 0.1, null=1.0, signed=True,
+        instrument=lambda time, current, voltage, gain: (current / gain, voltage),
+    ),
     HiddenEffect(
         "current-offset", "current-offset: offset [A]", 3e-3, 0.15, signed=True, scale="current",
-        instrument=_current_offset,
+        instrument=lambda time, current, voltage, offset: (current - offset, voltage),
     ),
-    HiddenEffect("voltage-offset", "voltage-offset: offset [V]", 1e-3, 4.5e-2, signed=True, instrument=_voltage_offset),
+    HiddenEffect(
+        "voltage-offset", "voltage-offset: offset [V]", 1e-3, 4.5e-2, signed=True,
+        instrument=lambda time, current, voltage, offset: (current, voltage + offset),
+    ),
     HiddenEffect("time-lag", "time-lag: lag [s]", 0.15, 6.0, signed=True, instrument=_late),
 )  # fmt: skip
 """All that may be hidden and named. The ranges reach from just visible to three times what is plain to see."""

@@ -1,14 +1,15 @@
 """How well the tests of a cell repeat: records in which nothing has changed, beside the ones before."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from ...core.errors import BsaError
 from ...core.inference.reference import check_tests, lacking, less
 from ...core.rms import rms
-from ..campaign.summary import grouped
+from ..campaign.summary import Row, grouped
 from ..campaign.text_tables import markdown_table
 from ..discovery_case import DiscoverOptions, read_case
 from ..discovery_setup import set_up
@@ -17,18 +18,7 @@ MOST = 4
 """References of a record at most."""
 
 
-@dataclass(frozen=True)
-class Repeat:
-    """A record beside those before it."""
-
-    record: str
-    references: int  # How many of those before it.
-    known_mv: float  # What the base model lacks of the record, rms, mV.
-    left_mv: float  # The same less what it lacks of the references, rms, mV.
-    ratio: float  # That over what is taken to be uncertain, average by average, rms.
-
-
-def repeats(options: DiscoverOptions) -> list[Repeat]:
+def repeats(options: DiscoverOptions) -> list[dict[str, Any]]:
     """Each record beside one to four before it; the options are those of a discovery on these records in their order.
 
     Raises `BsaError` if there is one record alone, they are not of one test, or cannot be simulated.
@@ -44,17 +34,25 @@ def repeats(options: DiscoverOptions) -> list[Repeat]:
         for place in range(references, len(found)):
             observed, error = found[place]
             left = less(replace(observed, voltage=error), found[place - references : place])
-            ratio = rms(left.voltage / left.sigma)
-            rows.append(Repeat(observed.name, references, 1e3 * rms(error), 1e3 * rms(left.voltage), ratio))
+            rows.append(
+                {
+                    "record": observed.name,
+                    "references": references,
+                    # What the base model lacks of the record, and that less what it lacks of the references.
+                    "known_mv": 1e3 * rms(error),
+                    "left_mv": 1e3 * rms(left.voltage),
+                    "ratio": rms(left.voltage / left.sigma),  # Over what is taken to be uncertain.
+                }
+            )
     return rows
 
 
-def repeats_table(rows: Sequence[Repeat]) -> str:
+def repeats_table(rows: Sequence[Row]) -> str:
     """Markdown: by the number of references, what is left, and over what is taken to be uncertain."""
     lines = []
     for references, some in grouped(rows, "references").items():
-        known, left = (np.median([getattr(row, name) for row in some]) for name in ("known_mv", "left_mv"))
-        ratios = np.percentile([row.ratio for row in some], [50, 90, 100])
+        known, left = (np.median([row[name] for row in some]) for name in ("known_mv", "left_mv"))
+        ratios = np.percentile([row["ratio"] for row in some], [50, 90, 100])
         numbers = [f"{known:.1f}", f"{left:.1f}", *(f"{ratio:.2f}" for ratio in ratios)]
         lines.append([f"{references:.0f}", str(len(some)), *numbers])
     over = ["over the uncertain: median", "90 % of the records", "largest"]

@@ -47,7 +47,7 @@ def write_reports(folder: Path, path: Path) -> None:
     """
     found = [
         Report(task, answer["names"][0], *(tuple(result[key]) for key in ("possible", "statistics", "discrepancy")))
-        for task, result, answer in read_results(folder, SHORTLISTS)
+        for task, _, result, answer in read_results(folder, SHORTLISTS)
         if result.get("discrepancy") and len(answer["names"]) == 1
     ]
     write_json(path, {"reports": [asdict(report) for report in found]}, indent=1)

@@ -20,7 +20,7 @@ from ..discovery_case import read_case
 from ..discovery_journal import opened, read_options
 from ..discovery_setup import in_this_process, set_up
 from .grading import grade_of
-from .results import finished_cases
+from .results import read_results
 
 FACTORS = (0.5, 2.0)
 
@@ -36,7 +36,9 @@ def sensitivity_rows(folder: Path, name: str) -> Iterator[dict[str, Any]]:
     Fits are those of the journals: a constant that decides also what is fitted changes the verdict alone. The answers
     of the blind cases are opened.
     """
-    for task, cell, answer in finished_cases(folder, name):
+    for task, cell, result, answer in read_results(folder, name):
+        if not result:
+            continue
         found = _replayed(cell)
         for constant, factor, rules in _variants():
             verdict = verdict_by(rules, found)
@@ -72,18 +74,13 @@ def _replayed(cell: Path) -> Findings:
     """What a discovery found, from a copy of its journal; what this version asks besides is simulated, and not kept."""
     with TemporaryDirectory() as place:
         shutil.copy(cell / FILE_NAME, place)
-        return _found_in(Path(place))
+        options = read_options(Path(place))
+        with opened(options) as journal:
 
+            def make(model: CellModel, space: ParameterSpace, mesh: RadialMesh) -> Simulator:
+                return RecordedSimulator(in_this_process(model, space, mesh), Prediction, journal.file, journal.earlier)
 
-def _found_in(folder: Path) -> Findings:
-    options = read_options(folder)
-    with opened(options) as journal:
-
-        def make(model: CellModel, space: ParameterSpace, mesh: RadialMesh) -> Simulator:
-            return RecordedSimulator(in_this_process(model, space, mesh), Prediction, journal.file, journal.earlier)
-
-        setup = set_up(read_case(options), options, make_simulator=make, journal=journal)
-        return setup.engine().run()
+            return set_up(read_case(options), options, make_simulator=make, journal=journal).engine().run()
 
 
 def sensitivity_table(rows: Sequence[Row]) -> str:

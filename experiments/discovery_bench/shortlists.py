@@ -74,7 +74,7 @@ def shortlist_places(folder: Path) -> list[dict[str, Any]]:
     Of the cases that hide one effect of the catalogue, those whose base model leaves noise only are left out: nothing
     was there to be ranked.
     """
-    told = [(task, found, set(answer["names"])) for task, found, answer in read_results(folder, SHORTLISTS)]
+    told = [(task, found, set(answer["names"])) for task, _, found, answer in read_results(folder, SHORTLISTS)]
     return [
         {"task": task, "ranked_by": words, "place": place_of(found[how], hidden)}
         for how, words in _WORDS.items()

@@ -16,24 +16,16 @@ from ...core.segmentation import segment
 from ...core.trajectory import FloatArray, Trajectory
 from .draws import Draw, draw
 from .hidden_cell import measure
-from .making import DESCRIPTION, POINTS, Make
+from .making import DESCRIPTION, POINTS
 from .protocols import protocol
 
-Drawn = Callable[[int, int, int], Draw]
-"""A case from the seed of a set, the case's number, and which attempt it is."""
 
-
-def simulated(drawn: Drawn = draw) -> Make:
-    """What makes cases of the cells that are drawn."""
-
-    def make(folder: Path, seed: int, number: int, attempt: int) -> dict[str, Any]:
-        pybamm.set_logging_level("CRITICAL")
-        return _make(folder, drawn(seed, number, attempt), np.random.default_rng([seed, number, attempt, 3]))
-
-    return make
-
-
-def _make(folder: Path, case: Draw, rng: np.random.Generator) -> dict[str, Any]:
+def make(
+    folder: Path, seed: int, number: int, attempt: int, drawn: Callable[[int, int, int], Draw] = draw
+) -> dict[str, Any]:
+    """Make a case of the cell that is drawn; see `Make`."""
+    pybamm.set_logging_level("CRITICAL")
+    case, rng = drawn(seed, number, attempt), np.random.default_rng([seed, number, attempt, 3])
     hidden = case.hidden
     values = pybamm.ParameterValues(hidden.parameter_set)
     limits = (float(values["Lower voltage cut-off [V]"]), float(values["Upper voltage cut-off [V]"]))

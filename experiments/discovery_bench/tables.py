@@ -117,13 +117,7 @@ def _sizes(graded: Sequence[Graded]) -> list[str]:
         return []
     lines = []
     for words, values in (("fitted", [m.closed for m in right]), ("held-out", [m.held_closed for m in right])):
-        known = [value for value in values if not math.isnan(value)]
-        if known:
-            low, middle, high = np.quantile(known, (0.1, 0.5, 0.9))
-            lines.append(
-                f"* gap closed on {words} data where the name is right: median {middle:.3f}, 10-90 % {low:.3f} "
-                f"to {high:.3f} ({len(known)} cases)."
-            )
+        lines += _quantiles(f"gap closed on {words} data where the name is right", values, ".3f")
     errors = np.array([m.parameter_error for m in right if m.parameter_error is not None])
     if len(errors):
         lines.append(
@@ -135,18 +129,21 @@ def _sizes(graded: Sequence[Graded]) -> list[str]:
 
 def _cost(graded: Sequence[Graded]) -> list[str]:
     ran = [m for m in graded if m.grade != "failed"]
-    lines = []
-    for words, values, unit in (
-        ("single-record solves a case", [float(m.simulations) for m in ran], ""),
-        ("processor time a case, one process", [m.cpu_s for m in ran], " s"),
-        ("wall time a case", [m.wall_s for m in ran], " s"),
-    ):
-        known = [value for value in values if not math.isnan(value)]
-        if known:
-            low, middle, high = np.quantile(known, (0.1, 0.5, 0.9))
-            shares = f"median {middle:.0f}{unit}, 10-90 % {low:.0f} to {high:.0f}{unit}"
-            lines.append(f"* {words}: {shares} ({len(known)} cases).")
-    return lines
+    return [
+        *_quantiles("single-record solves a case", [m.simulations for m in ran], ".0f"),
+        *_quantiles("processor time a case, one process", [m.cpu_s for m in ran], ".0f", " s"),
+        *_quantiles("wall time a case", [m.wall_s for m in ran], ".0f", " s"),
+    ]
+
+
+def _quantiles(words: str, values: Sequence[float], form: str, unit: str = "") -> list[str]:
+    """A line with the median and the spread of the values that are known; none where there are none."""
+    known = [value for value in values if not math.isnan(value)]
+    if not known:
+        return []
+    low, middle, high = np.quantile(known, (0.1, 0.5, 0.9))
+    spread = f"10-90 % {low:{form}} to {high:{form}}{unit}"
+    return [f"* {words}: median {middle:{form}}{unit}, {spread} ({len(known)} cases)."]
 
 
 def _known(share: float) -> str:

@@ -2,6 +2,7 @@
 
 import ast
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from bsa.experiments.discovery_bench.hidden_cell import Hidden, measure
 from bsa.experiments.discovery_bench.hidden_physics import EFFECTS, HiddenEffect
 from bsa.experiments.discovery_bench.making import DESCRIPTION, make_cases, unseal
 from bsa.experiments.discovery_bench.protocols import Step
-from bsa.experiments.discovery_bench.simulated_case import simulated
+from bsa.experiments.discovery_bench.simulated_case import make
 from bsa.plugins.pybamm.modelling.compiled_cell import Start
 from bsa.plugins.pybamm.modelling.resolution import Resolution
 from bsa.plugins.pybamm.solving.driven_cell import DrivenCell
@@ -170,16 +171,16 @@ def test_cases_are_made_once_and_say_nothing(tmp_path, monkeypatch):
     short = [Step(0.0, 100.0), Step(1.0, 300.0), Step(0.0, 300.0)]
     monkeypatch.setattr("bsa.experiments.discovery_bench.simulated_case.protocol", lambda *drawn: short)
     said: list[str] = []
-    assert len(make_cases(tmp_path / "blind", simulated(), 2, seed=11, listener=said.append)) == 2
-    (more,) = make_cases(tmp_path / "blind", simulated(), 3, seed=11)
+    assert len(make_cases(tmp_path / "blind", make, 2, seed=11, listener=said.append)) == 2
+    (more,) = make_cases(tmp_path / "blind", make, 3, seed=11)
     assert more.name == "case_003"
     assert set(unseal(tmp_path / "blind")) == {"case_001", "case_002", "case_003"}
     told = json.loads((more / DESCRIPTION).read_text())
     assert set(told) == {"parameters", "model", "records"}
-    make_cases(tmp_path / "short", simulated(draw_short), 1, seed=11)
+    make_cases(tmp_path / "short", partial(make, drawn=draw_short), 1, seed=11)
     assert unseal(tmp_path / "short")["case_001"]["keys"] == [EFFECTS[0].key]
     with pytest.raises(Exception, match="cases of seed 11, not 12"):
-        make_cases(tmp_path / "blind", simulated(), 4, seed=12)
+        make_cases(tmp_path / "blind", make, 4, seed=12)
 
 
 @pytest.mark.slow
@@ -195,5 +196,5 @@ def test_a_cell_that_no_reader_would_take_is_drawn_again(tmp_path, monkeypatch):
 
     monkeypatch.setattr("bsa.experiments.discovery_bench.simulated_case.measure", reversed_at_first)
     said: list[str] = []
-    make_cases(tmp_path / "blind", simulated(), 1, seed=11, listener=said.append)
+    make_cases(tmp_path / "blind", make, 1, seed=11, listener=said.append)
     assert said == ["case_001: draw 1 failed (ValueError)", "case_001 made"]

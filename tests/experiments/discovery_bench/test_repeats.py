@@ -9,7 +9,7 @@ from bsa.core.record import Record
 from bsa.core.segmentation import segment
 from bsa.core.trajectory import Trajectory
 from bsa.experiments.cli.bench_discovery import discovery_app
-from bsa.experiments.discovery_bench.repeats import Repeat, repeats_table
+from bsa.experiments.discovery_bench.repeats import repeats_table
 from bsa.plugins.readers.bdf import write
 from typer.testing import CliRunner
 
@@ -40,7 +40,11 @@ def test_a_record_that_does_not_repeat_those_before_it_is_seen(tmp_path):
 
 
 def test_the_table_has_a_line_for_each_number_of_references():
-    rows = [Repeat("b", 1, 40.0, 2.0, 0.5), Repeat("c", 1, 42.0, 4.0, 1.5), Repeat("c", 2, 42.0, 3.0, 0.7)]
+    rows = [
+        {"references": 1, "known_mv": 40.0, "left_mv": 2.0, "ratio": 0.5},
+        {"references": 1, "known_mv": 42.0, "left_mv": 4.0, "ratio": 1.5},
+        {"references": 2, "known_mv": 42.0, "left_mv": 3.0, "ratio": 0.7},
+    ]
     lines = repeats_table(rows).splitlines()
     assert lines[2:] == [
         "| 1 | 2 | 41.0 | 3.0 | 1.00 | 1.40 | 1.50 |",
