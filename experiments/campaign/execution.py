@@ -41,8 +41,8 @@ class Pool(Protocol):
         """End the workers at once; what they were doing stands in its journal."""
 
 
-class Watcher(Protocol):
-    """Watches a campaign, for progress on a screen."""
+class Watcher:
+    """Watches a campaign, for progress on a screen; does nothing with what a class derived from it passes over."""
 
     def begun(self, cell: Cell) -> None:
         """A cell was handed out."""

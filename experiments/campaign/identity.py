@@ -17,12 +17,6 @@ from ..source_digest import package_digest, source_digest
 PLACEMENT = frozenset({"base_url", "timeout_s", "retry_limit_s", "exchange"})
 """Options of a backend that say where and how patiently it is asked, not what it answers."""
 
-_DECISIVE = ("core", "plugins", "backends")
-"""What decides the result of a calibration, beside its task, of which its identity has the content."""
-
-_DECISIVE_OF_STUDIES = ("tasks", "suite", "studies", "discovery_bench", "*.py")
-"""What of `experiments` decides further: how tasks and targets are made, what a study does, and how discoveries run."""
-
 
 def without_placement(options: dict[str, Any]) -> dict[str, Any]:
     """The options of a backend that determine its answers: a server that moved is still the same model."""
@@ -62,13 +56,14 @@ def versions_of_study(plugins: tuple[tuple[str, str], ...] = ()) -> tuple[tuple[
 
 
 def code_digest() -> str:
-    """A hash of the sources that decide what a run finds."""
-    return package_digest(*_DECISIVE)
+    """A hash of the sources that decide what a run finds, beside its task, of which its identity has the content."""
+    return package_digest("core", "plugins", "backends")
 
 
 def study_digest() -> str:
-    """A hash of the sources that decide, beside those, what a study or a discovery finds."""
-    return package_digest(*(f"experiments/{place}" for place in _DECISIVE_OF_STUDIES))
+    """A hash of the sources that decide further how tasks are made, what a study does, and how discoveries run."""
+    places = ("tasks", "suite", "studies", "discovery_bench", "*.py")
+    return package_digest(*(f"experiments/{place}" for place in places))
 
 
 @cache

@@ -14,6 +14,7 @@ from ...core.printable import one_line
 from ..cli.progress import Redrawn
 from ..report.wording import duration, number
 from .cell import Cell, Report
+from .execution import Watcher
 from .store import best_score
 
 _LINE_EVERY_S = 5.0
@@ -32,7 +33,7 @@ class Tally:
     best: float = math.inf  # Lowest objective.
 
 
-class _Counting(ABC):
+class _Counting(Watcher, ABC):
     """Counts cells by scaffold and backend, guesses the time left from the pace so far, and tells what went wrong."""
 
     def __init__(self, cells: Sequence[Cell]) -> None:
@@ -139,9 +140,6 @@ class PlainCampaign(_Counting):
     def say(self, line: str) -> None:
         """Print a line."""
         print(line, file=self._stream, flush=True)
-
-    def tick(self, elsewhere: int) -> None:
-        """See `Watcher.tick`."""
 
     def __enter__(self) -> PlainCampaign:
         return self

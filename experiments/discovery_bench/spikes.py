@@ -26,10 +26,6 @@ _SPIKES = tuple(
 )
 
 
-def _rectifying_contact(time: FloatArray, rate: FloatArray) -> FloatArray:
-    return -np.tanh(rate / 0.3)
-
-
 def _slow_memory(time: FloatArray, rate: FloatArray) -> FloatArray:
     """The current smoothed over twenty minutes, exactly for one that is constant from sample to sample."""
     state = np.zeros(len(time))
@@ -39,19 +35,11 @@ def _slow_memory(time: FloatArray, rate: FloatArray) -> FloatArray:
     return -state
 
 
-def _drifting_reference(time: FloatArray, rate: FloatArray) -> FloatArray:
-    return np.asarray(np.log(1.0 + time / 600.0))
-
-
-def _ripple(time: FloatArray, rate: FloatArray) -> FloatArray:
-    return np.asarray(np.sin(2.0 * np.pi * time / 2400.0))
-
-
 _OUTSIDE: Mapping[str, Callable[[FloatArray, FloatArray], FloatArray]] = {
-    "saturating-overpotential": _rectifying_contact,
+    "saturating-overpotential": lambda time, rate: -np.tanh(rate / 0.3),
     "slow-memory": _slow_memory,
-    "drifting-reference": _drifting_reference,
-    "chamber-ripple": _ripple,
+    "drifting-reference": lambda time, rate: np.log(1.0 + time / 600.0),
+    "chamber-ripple": lambda time, rate: np.sin(2.0 * np.pi * time / 2400.0),
 }
 """Volts that are added by a strength of 1 V, from the time (s) and the current over the capacity (1/h): the effects of
 no catalogue that need no state of the cell."""

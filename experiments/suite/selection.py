@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatch
+from itertools import zip_longest
 from pathlib import Path
 from typing import Literal
 
@@ -75,8 +76,6 @@ def _spread(cases: Mapping[str, SuiteCase], count: int, seed: int) -> dict[str, 
         for place, pile in enumerate(piles.values())
     ]
     # The first of every pile, then the second of every pile: a larger choice holds every smaller one.
-    turn = [
-        pile[depth] for depth in range(max(map(len, shuffled), default=0)) for pile in shuffled if depth < len(pile)
-    ]
+    turn = [case for layer in zip_longest(*shuffled) for case in layer if case is not None]
     taken = {case.key for case in turn[:count]}
     return {key: case for key, case in cases.items() if key in taken}

@@ -17,6 +17,7 @@ import yaml
 from bsa.core.encoding import encode_task
 from bsa.core.files import read_json
 from bsa.experiments.campaign.cell import Report
+from bsa.experiments.campaign.execution import Watcher
 from bsa.experiments.campaign.local_pool import LocalPool
 from bsa.experiments.campaign.running import Plan, plan_grid, run_campaign
 from bsa.experiments.campaign.store import TRACE
@@ -25,7 +26,7 @@ from bsa_toy_cell import toy_task
 _EARLY = 50
 
 
-class Memory:
+class Memory(Watcher):
     """Watches a grid and notes its worker's memory after each cell."""
 
     def __init__(self) -> None:
@@ -37,21 +38,9 @@ class Memory:
     def __exit__(self, *exception: object) -> None:
         """Nothing to release."""
 
-    def begun(self, cell: Any) -> None:
-        """A cell was handed out."""
-
     def ended(self, cell: Any, report: Report, found: bool) -> None:
         """A cell came back."""
         self.after_mb.append(report.memory_mb)
-
-    def lost(self, cell: Any, reason: str) -> None:
-        """A worker died."""
-
-    def noted(self, text: str) -> None:
-        """Something is worth saying."""
-
-    def tick(self, elsewhere: int) -> None:
-        """Time passes."""
 
 
 def plan_toys(folder: Path, cells: int) -> Plan:

@@ -11,6 +11,7 @@ import pytest
 import yaml
 from bsa.core.encoding import encode_task
 from bsa.experiments.campaign.cell import carry_out
+from bsa.experiments.campaign.execution import Watcher
 from bsa.experiments.campaign.results import read_manifest, write_manifest
 from bsa.experiments.campaign.running import Plan, plan_grid
 from bsa_toy_cell import HIDDEN, toy_task
@@ -18,7 +19,7 @@ from bsa_toy_cell import HIDDEN, toy_task
 MakePlan = Callable[..., Plan]
 
 
-class Quiet:
+class Quiet(Watcher):
     """Watches a grid and remembers."""
 
     def __init__(self) -> None:
@@ -32,23 +33,11 @@ class Quiet:
     def __exit__(self, *exception):
         pass
 
-    def begun(self, cell):
-        pass
-
     def ended(self, cell, report, found):
         (self.found if found else self.ran).append(cell.identity)
 
-    def busy(self, cell):
-        pass
-
     def lost(self, cell, reason):
         self.losses.append(cell.identity)
-
-    def noted(self, text):
-        pass
-
-    def tick(self, elsewhere):
-        pass
 
 
 class Here:
