@@ -49,7 +49,7 @@ def draw_all(rows: Sequence[Row], store: Store, metric: str = "mape") -> dict[st
 def distributions(rows: Sequence[Row], group: str, metric: str) -> str:
     """Box plots on a logarithmic axis, a panel a group, a box a method, a dot a cell; empty for no groups."""
     groups = list(dict.fromkeys(row[group] for row in rows if row[group]))
-    methods = _methods(rows)
+    methods = list(grouped(rows, "method"))
     if not groups or (group != "mode" and len(groups) < 2):
         return ""
     across = min(len(groups), 5)
@@ -78,7 +78,7 @@ def distributions(rows: Sequence[Row], group: str, metric: str) -> str:
 def convergence(rows: Sequence[Row], store: Store) -> str:
     """Median of the best error so far over the simulations, with a band from quartile to quartile."""
     modes = list(dict.fromkeys(row["mode"] for row in rows))
-    methods = _methods(rows)
+    methods = list(grouped(rows, "method"))
     figure, panels = _panels(len(modes), f"{_of_objective(rows)}, best so far")
     for panel, mode in zip(panels, modes, strict=True):
         for method, colour in zip(methods, cycle(_COLOURS), strict=False):
@@ -124,7 +124,7 @@ def pareto(rows: Sequence[Row], metric: str) -> str:
     """Median error against simulations, time, tokens and cost, a point a method; what nothing beats is joined."""
     columns = ("simulations", "wall_s", "tokens", "cost_usd")
     axes = [name for name in columns if any((row[name] or 0) > 0 for row in rows)]
-    methods = _methods(rows)
+    methods = list(grouped(rows, "method"))
     if not axes or len(methods) < 2:
         return ""
     figure, panels = _panels(len(axes), _on_axis(metric), width=3.3, height=3.1)
@@ -170,10 +170,6 @@ def round_times(times: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
         panel.set_title(title, fontsize=10)
     _legend(panels)
     return _svg(figure, "rounds")
-
-
-def _methods(rows: Sequence[Row]) -> list[str]:
-    return list(grouped(rows, "method"))
 
 
 def _on_axis(metric: str) -> str:

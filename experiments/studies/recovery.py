@@ -44,20 +44,10 @@ class Recovered:
     run: RunRecord  # Its journal.
 
     @property
-    def space(self) -> ParameterSpace:
-        """What was searched."""
-        return self.run.task.space
-
-    @property
     def truth(self) -> Candidate:
         """The true values of all that was searched."""
-        hidden = {name: value for name, value in self.case.hidden.items() if name in self.space}
-        return {**self.space.initial, **hidden}
-
-    @property
-    def found(self) -> Candidate:
-        """The values that were found."""
-        return self.run.best.candidate
+        space = self.run.task.space
+        return {**space.initial, **{name: value for name, value in self.case.hidden.items() if name in space}}
 
     @property
     def name(self) -> dict[str, Any]:
@@ -141,7 +131,7 @@ def within_case(cell: Recovered) -> dict[str, Any]:
 
     Correlations are NaN where fewer than three points, or no spread, allow none.
     """
-    space, truth = cell.space, cell.truth
+    space, truth, found = cell.run.task.space, cell.truth, cell.run.best.candidate
     done = [trial for trial in cell.run.trials if trial.ok and trial.metrics is not None]
     errors = np.array([trial.objective for trial in done], dtype=np.float64)
     distances = np.array([parameter_error(space, trial.candidate, truth) for trial in done])
@@ -149,7 +139,7 @@ def within_case(cell: Recovered) -> dict[str, Any]:
     best_before = np.concatenate([[np.inf], np.minimum.accumulate(errors)[:-1]])
     incumbent = errors < best_before
     falls = np.diff(distances[incumbent]) <= _TIED
-    relative = [abs(cell.found[name] - true) / abs(true) for name, true in truth.items() if abs(true) > 0]
+    relative = [abs(found[name] - true) / abs(true) for name, true in truth.items() if abs(true) > 0]
     return {
         **cell.name,
         "mape": cell.row["mape"],
@@ -161,7 +151,7 @@ def within_case(cell: Recovered) -> dict[str, Any]:
         "monotonic": bool(falls.all()) if falls.size else math.nan,
         "share_of_steps_that_co_decrease": float(falls.mean()) if falls.size else math.nan,
         "first_parameter_error": float(distances[0]) if distances.size else math.nan,
-        "last_parameter_error": parameter_error(space, cell.found, truth),
+        "last_parameter_error": parameter_error(space, found, truth),
         "median_relative_error": float(np.median(relative)),
         "largest_relative_error": float(np.max(relative)),
     }
@@ -179,13 +169,13 @@ def held_out_rows(recovered: Recovered, seed: int) -> list[dict[str, Any]]:
     Charge and discharge run at the same rate. The four: the truth, the truth with 5 % noise on every
     parameter, what was recovered, and the base cell.
     """
-    case, space, truth = recovered.case, recovered.space, recovered.truth
+    case, space, truth = recovered.case, recovered.run.task.space, recovered.truth
     rng = np.random.default_rng([seed, *case.key.encode()])
     noisy = {name: value * (1.0 + _NOISE * rng.standard_normal()) for name, value in truth.items()}
     candidates = {
         "perfect": truth,
         "5 % noise": space.project(noisy),
-        "recovered": recovered.found,
+        "recovered": recovered.run.best.candidate,
         "default": space.initial,
     }
     cell = cell_of(case)
