@@ -17,7 +17,7 @@ from ....core.trajectory import StepKind
 from ..augmentation import part_of
 from ..modelling.compiled_cell import Start
 from ..modelling.resolution import Resolution
-from ..solving.driven_cell import FINE, SEARCH, Curve, DrivenCell
+from ..solving.driven_cell import FINE, SEARCH, DrivenCell, Response
 
 _KEPT = 80
 """Compiled models that are kept warm; each takes a few megabytes."""
@@ -63,7 +63,7 @@ class EffectSimulator:
         self._resolutions = {False: usual, True: fine}
         self._compiled: OrderedDict[_Key, DrivenCell | None] = OrderedDict()
         self._records: list[MeasuredRecord] = []
-        self._recent: OrderedDict[Any, Curve | None] = OrderedDict()
+        self._recent: OrderedDict[Any, Response | None] = OrderedDict()
         self.simulations = 0
         self.refused: dict[str, str] = {}
 

@@ -10,13 +10,14 @@ from ....core.parameters import Candidate
 from ....core.simulation import ExperimentRun, SimulationFailure
 from ....core.target import CellChange, Target
 from ....core.task import CellModel, Experiment
+from ....core.trajectory import Trajectory
 from ..augmentation import refuse_current_effects
 from ..cells.parameter_sets import pybamm
 from ..modelling import drive
 from ..modelling.compiled_cell import SOLVER_ERRORS, CompiledCell, first_line, start_of
 from ..modelling.resolution import SEARCH, Resolution
 from .last_moments import last_moments, nearest_limit
-from .step_solutions import Unfinished, keep_solver_steps_of_holds, to_trajectory
+from .step_solutions import Part, keep_solver_steps_of_holds, to_trajectory
 
 MAX_STEPS = 20_000
 """Steps after which the integrator gives up."""
@@ -70,7 +71,7 @@ class CompiledExperiment:
         cause = watcher.cause or cause
         if cause:
             return self._failed(cause, watcher, inputs if watcher.step else {})
-        trajectory = to_trajectory(self.simulation._solution, self.steps, watcher.ended, self.cell.heats)
+        trajectory = self._trajectory(watcher)
         if trajectory is None:
             return ExperimentRun(None, SimulationFailure("every step of the protocol had reached its end at its start"))
         return ExperimentRun(trajectory)
@@ -78,25 +79,33 @@ class CompiledExperiment:
     def _failed(self, cause: str, watcher: _Watcher, inputs: dict[str, float]) -> ExperimentRun:
         """What was reached, the last moments of the step it died in included."""
         solution = self.simulation._solution
-        unfinished, limit, cut = None, "", False
+        unfinished: Part | None = None
+        limit, cut = "", False
         # One that only skipped steps has no state.
         if isinstance(solution, pybamm.Solution):
             if watcher.gave_up:
                 place = sum(len(cycle) for cycle in self.steps[: watcher.cycle - 1]) + watcher.position
-                found = last_moments(
-                    self.simulation, self.simulation.experiment.steps[place], inputs, self.cell.window_v
-                )
-                limit = found.limit
-                if found.part is not None:
-                    unfinished = Unfinished(found.part, watcher.cycle, watcher.position)
+                step = self.simulation.experiment.steps[place]
+                part, limit = last_moments(self.simulation, solution, step, inputs, self.cell.window_v)
+                if part is not None:
+                    unfinished = watcher.cycle, watcher.position, part
             else:
                 limit = nearest_limit(solution, self.cell.window_v)
             # A step that took too long, or ended by a foreign event, is part of the solution.
             cut = unfinished is not None or not watcher.gave_up
-        trajectory = to_trajectory(solution, self.steps, watcher.ended, self.cell.heats, unfinished)
+        trajectory = self._trajectory(watcher, unfinished)
         reached_s = trajectory.duration if trajectory is not None else 0.0
         failure = SimulationFailure(cause, watcher.step, watcher.cycle, reached_s, limit, cut)
         return ExperimentRun(trajectory, failure)
+
+    def _trajectory(self, watcher: _Watcher, unfinished: Part | None = None) -> Trajectory | None:
+        cycles = getattr(self.simulation._solution, "cycles", None) or ()
+        solved = (
+            (number, position, part)
+            for number, cycle in zip(watcher.ended, cycles, strict=False)
+            for position, part in enumerate(cycle.steps)
+        )
+        return to_trajectory(solved, self.steps, self.cell.heats, unfinished)
 
 
 class _Watcher(pybamm.callbacks.Callback):  # type: ignore[misc]

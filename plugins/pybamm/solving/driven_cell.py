@@ -105,14 +105,6 @@ class Response:
     cause: str = ""  # Why the integrator gave up; empty if it did not.
 
 
-@dataclass(frozen=True, eq=False)
-class Curve:
-    """What the cell did at the wanted times."""
-
-    voltage: FloatArray  # Volt, as the instrument writes it down. Shape (n,).
-    temperature: FloatArray  # Volume-averaged temperature, kelvin. Shape (n,).
-
-
 class DrivenCell:
     """One record on one cell model, with or without effects.
 
@@ -194,7 +186,7 @@ class DrivenCell:
         current: FloatArray,
         soc: float | None = None,
         offset: float = 0.0,
-    ) -> Curve | None:
+    ) -> Response | None:
         """Simulate one candidate as the instruments show it.
 
         Parameters
@@ -212,8 +204,8 @@ class DrivenCell:
 
         Returns
         -------
-        Curve or None
-            None if the simulation failed.
+        Response or None
+            With the voltage that the instrument writes down; None if the simulation failed.
         """
         wanted = times
         for effect in self._effects:
@@ -228,7 +220,7 @@ class DrivenCell:
             if effect.measurement is not None and effect.measurement.voltage is not None:
                 with border(f"effect {effect.key}", "voltage"):
                     voltage = effect.measurement.voltage(voltage, current, effect.values(candidate))
-        return Curve(voltage, response.temperature) if np.all(np.isfinite(voltage)) else None
+        return replace(response, voltage=voltage) if np.all(np.isfinite(voltage)) else None
 
     def follow(
         self, candidate: Candidate, times: FloatArray, soc: float | None = None, offset: float = 0.0

@@ -1,5 +1,7 @@
 """A cell at equilibrium under a measured current: the open-circuit voltage that belongs to the charge drawn so far."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping
 from dataclasses import replace
@@ -13,14 +15,14 @@ from ....core.contracts.border import border
 from ....core.parameters import Candidate
 from ....core.simulation import ExperimentRun, Outcome, SimulationFailure
 from ....core.target import CellChange
-from ....core.task import Task
+from ....core.task import Experiment, Task
 from ....core.trajectory import SECONDS_PER_HOUR, FloatArray
 from ..augmentation import effects_in, part_of
 from ..cells.nameplate import CAPACITY
 from ..cells.ocp_shape import keeping_ocp_falling
 from ..cells.parameter_sets import load, voltage_window
 from ..cells.state_of_charge import InitialState
-from ..modelling.compiled_cell import Start, added_potentials, start_of
+from ..modelling.compiled_cell import added_potentials, start_of
 from ..modelling.drive import CurrentFunction, current_function, drawn_ah, offset_by, shown_range
 
 _AREA = ("Electrode width [m]", "Electrode height [m]", "Number of electrodes connected in parallel to make a cell")
@@ -41,19 +43,9 @@ class EquilibriumCell:
         values = load(task.cell.parameter_set, task.cell.overrides)
         self._falling = keeping_ocp_falling(values, self._targets)
         self._values, self._effects = values, effects_in(task.cell)
-        self._starts = [start_of(experiment) for experiment in task.experiments]
-        self._states = [_state_at(start, values) for start in self._starts]
         self._area = {name: float(values[name]) for name in _AREA}
-        self._records = [experiment.target for experiment in task.experiments]
-        window_v = voltage_window(values)
-        self._shown_v = [
-            None if one.is_spectrum else shown_range(window_v, one.target.voltage) for one in task.experiments
-        ]
-        self._drives = [None if one.is_spectrum else current_function(one.target) for one in task.experiments]
-        self._drawn_ah = [
-            None if drive is None else drawn_ah(drive, record.time)
-            for drive, record in zip(self._drives, self._records, strict=True)
-        ]
+        # A spectrum stays: nothing is said of it.
+        self._records = [one.target if one.is_spectrum else _Record(one, values) for one in task.experiments]
         self._capacity_ah = float(values[CAPACITY])
         own = [(effect, part_of(effect)) for effect in self._effects]
         self._at_rest = [(effect, part.at_rest) for effect, part in own if part.at_rest is not None]
@@ -63,26 +55,25 @@ class EquilibriumCell:
         """What a candidate shows; failed where its electrodes cannot hold the lithium at the start."""
         potentials = added_potentials(self._values, self._effects, candidate) if self._effects else {}
         try:
-            runs = [self._run(place, candidate, potentials) for place in range(len(self._task.experiments))]
+            runs = [
+                self._run(record, candidate, potentials) if isinstance(record, _Record) else ExperimentRun(record)
+                for record in self._records
+            ]
         except ValueError as error:
             failed = ExperimentRun(None, SimulationFailure(str(error)))
             return Outcome((failed,) * len(self._task.experiments), 0.0)
         return Outcome(tuple(runs), 0.0)
 
-    def _run(self, place: int, candidate: Candidate, potentials: Mapping[str, FloatArray]) -> ExperimentRun:
-        record, drive, shown_v = self._records[place], self._drives[place], self._shown_v[place]
-        charge_ah = self._drawn_ah[place]
-        if charge_ah is None or drive is None or shown_v is None:
-            return ExperimentRun(record)  # A spectrum stays: nothing is said of it.
+    def _run(self, own: _Record, candidate: Candidate, potentials: Mapping[str, FloatArray]) -> ExperimentRun:
+        record, charge_ah = own.measured, own.drawn_ah
         change = self._falling(self._task.space.change(candidate))
-        offset = change.current_offset.get(self._task.experiments[place].name, 0.0)
+        offset = change.current_offset.get(own.start.record, 0.0)
         if self._current or offset:
-            charge_ah = drawn_ah(self._through_the_cell(offset_by(drive, offset), candidate), record.time)
+            charge_ah = drawn_ah(self._through_the_cell(offset_by(own.drive, offset), candidate), record.time)
         drawn = charge_ah * SECONDS_PER_HOUR / _FARADAY / self._area_of(change)
-        state = self._states[place]
-        soc = self._starts[place].soc_of(change, partial(state.soc_at, change=change, added=potentials))
+        soc = own.start.soc_of(change, partial(own.state.soc_at, change=change, added=potentials))
         # Beyond these an empty or overfull cell is simulated as such; published potentials reach to -100 V there.
-        voltage = np.clip(state.voltages(change, soc, drawn, potentials), *shown_v)
+        voltage = np.clip(own.state.voltages(change, soc, drawn, potentials), *own.shown_v)
         for effect, added in self._at_rest:
             with border(f"effect {effect.key}", "at_rest"):
                 voltage = voltage + added(record.current, charge_ah, self._capacity_ah, effect.values(candidate))
@@ -102,8 +93,14 @@ class EquilibriumCell:
         return math.prod(own)
 
 
-def _state_at(start: Start, values: Any) -> InitialState:
-    """The electrodes of a parameter set at the temperature at which a record starts."""
-    warmed = values.copy()
-    start.set_temperatures(warmed)
-    return InitialState(warmed)
+class _Record:
+    """A measured current, and what of it is the same for all candidates."""
+
+    def __init__(self, experiment: Experiment, values: Any) -> None:
+        self.measured, self.start = experiment.target, start_of(experiment)
+        warmed = values.copy()
+        self.start.set_temperatures(warmed)
+        self.state = InitialState(warmed)
+        self.shown_v = shown_range(voltage_window(values), self.measured.voltage)
+        self.drive = current_function(self.measured)
+        self.drawn_ah = drawn_ah(self.drive, self.measured.time)

@@ -5,7 +5,6 @@ where it began, it shows its last moments, and whether a concentration has run o
 """
 
 import time
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,21 +30,14 @@ _VOLTAGE_MARGIN_V = 0.005
 Window = tuple[float, float]
 
 
-@dataclass(frozen=True)
-class LastMoments:
-    """The end of a failed step."""
+def last_moments(
+    simulation: Any, solution: Any, step: Any, inputs: dict[str, float], window_v: Window
+) -> tuple[Any, str]:
+    """Look at the step in which a simulation of an experiment died: what of it could be solved, and `nearest_limit`.
 
-    part: Any  # What of it could be solved.
-    limit: str  # Which limit is near, in plain words; what the states are where none is; empty where nobody can tell.
-
-
-def last_moments(simulation: Any, step: Any, inputs: dict[str, float], window_v: Window) -> LastMoments:
-    """Look at the step in which a simulation of an experiment died.
-
-    ``simulation`` is as the failed solve left it, built with one model for each step, and ``inputs`` are those of that
-    solve. ``window_v`` is the lower and upper voltage cut-off, V.
+    ``simulation`` is built with one model for each step, ``solution`` is what came before the step, and ``inputs`` are
+    those of the failed solve. None for the step if nothing of it could be solved.
     """
-    solution = simulation._solution
     began = time.monotonic()
     state = solution.last_state
     part, fails_s = None, float(step.duration)
@@ -67,7 +59,7 @@ def last_moments(simulation: Any, step: Any, inputs: dict[str, float], window_v:
             fails_s = middle_s
         else:
             part, works_s = found, middle_s
-    return LastMoments(part, nearest_limit(part if part is not None else solution, window_v))
+    return part, nearest_limit(part if part is not None else solution, window_v)
 
 
 def _advance(simulation: Any, state: Any, step: Any, length_s: float, inputs: dict[str, float]) -> Any:
@@ -94,8 +86,8 @@ def solve_step(simulation: Any, state: Any, step: Any, length_s: float, inputs: 
 def nearest_limit(solution: Any, window_v: Window) -> str:
     """Which concentration or voltage limit the last state of a solution is at, in plain words.
 
-    Several are joined by semicolons; where none is near, how far the concentrations are from theirs. ``window_v`` is
-    the lower and upper voltage cut-off, V.
+    Several are joined by semicolons; where none is near, how far the concentrations are from theirs; empty where nobody
+    can tell. ``window_v`` is the lower and upper voltage cut-off, V.
     """
     try:
         return _limit(solution, window_v)

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import accumulate
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -31,7 +30,7 @@ from ..modelling.resolution import SEARCH, Resolution
 from .compiled import CompiledExperiment
 from .cycle_jumps import TOLERANCE, CycleFailed, CycleRunner, SolvedCycle
 from .last_moments import last_moments, nearest_limit, solve_step
-from .step_solutions import Unfinished, step_kind, to_trajectory
+from .step_solutions import step_kind, to_trajectory
 
 _COMPILED_REPEATS = 2
 """Of equal cycles so many are compiled, so that the way from the last step of one to the first of the next is there."""
@@ -175,7 +174,11 @@ class _Steps:
             try:
                 part = self._step(step, state)
             except SOLVER_ERRORS as error:
-                raise self._gave_up(first_line(error), number, position, parts, state) from None
+                part, limit = None, ""
+                if not isinstance(state, pybamm.EmptySolution):
+                    window_v = self._compiled.cell.window_v
+                    part, limit = last_moments(self._compiled.simulation, state, step, self._inputs, window_v)
+                raise self._stopped(first_line(error), number, position, parts, limit, part) from None
             parts.append(part)
             if isinstance(part, pybamm.EmptySolution):
                 continue
@@ -189,10 +192,10 @@ class _Steps:
             else:
                 continue
             limit = nearest_limit(part, self._compiled.cell.window_v)
-            raise self._stopped(cause, number, position, parts, limit, None)
-        record = self._record(parts, None)
+            raise self._stopped(cause, number, position, parts, limit)
+        record = self._record(parts)
         if record is None:
-            raise self._stopped("every step of the cycle ends before it begins", number, 0, parts, "", None)
+            raise self._stopped("every step of the cycle ends before it begins", number, 0, parts, "")
         return SolvedCycle(number, state, _vector(state), discharged_ah(record), record, _losses(state), first_v)
 
     def _step(self, step: Any, state: Any) -> Any:
@@ -211,21 +214,10 @@ class _Steps:
         except SOLVER_ERRORS:
             return float("nan")
 
-    def _gave_up(self, cause: str, number: int, position: int, parts: list[Any], state: Any) -> _Failed:
-        """What is known of a step in which the integrator gave up."""
-        unfinished, limit = None, ""
-        if not isinstance(state, pybamm.EmptySolution):
-            simulation = self._compiled.simulation
-            simulation._solution = state
-            found = last_moments(simulation, self._steps[position], self._inputs, self._compiled.cell.window_v)
-            limit = found.limit
-            if found.part is not None:
-                unfinished = Unfinished(found.part, 1, position)
-        return self._stopped(cause, number, position, parts, limit, unfinished)
-
     def _stopped(
-        self, cause: str, number: int, position: int, parts: list[Any], limit: str, unfinished: Unfinished | None
+        self, cause: str, number: int, position: int, parts: list[Any], limit: str, unfinished: Any = None
     ) -> _Failed:
+        """The failure in a step; ``unfinished`` is what of it could be solved where the integrator gave up."""
         record = self._record(parts, unfinished)
         failure = SimulationFailure(
             cause,
@@ -238,10 +230,10 @@ class _Steps:
         )
         return _Failed(failure, record)
 
-    def _record(self, parts: list[Any], unfinished: Unfinished | None) -> Trajectory | None:
-        # All that is read of a solution is its cycles, and of a cycle its steps.
-        solved = SimpleNamespace(cycles=[SimpleNamespace(steps=parts)])
-        return to_trajectory(solved, [self._recipe], [1], self._compiled.cell.heats, unfinished)
+    def _record(self, parts: list[Any], unfinished: Any = None) -> Trajectory | None:
+        solved = [(1, position, part) for position, part in enumerate(parts)]
+        cut = None if unfinished is None else (1, len(parts), unfinished)
+        return to_trajectory(solved, [self._recipe], self._compiled.cell.heats, cut)
 
 
 def _losses(state: Any) -> tuple[float, ...]:

@@ -1,7 +1,6 @@
 """From PyBaMM's solution of an experiment to a trajectory with steps."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,9 @@ from ..cells.parameter_sets import pybamm
 
 _FIRST_SAMPLE_S, _SAMPLE_GROWTH, _LONGEST_SAMPLE_S = 0.1, 1.15, 30.0
 """Sampling of a voltage hold, whose current falls fastest at its start: every 30 s would miss 1 % of its charge."""
+
+Part = tuple[int, int, Any]
+"""What was solved of a step: its cycle, from 1, its place in the cycle, from 0, and PyBaMM's solution."""
 
 _CURRENT, _VOLTAGE, _TEMPERATURE = "Current [A]", "Voltage [V]", "Volume-averaged cell temperature [K]"
 
@@ -47,42 +49,25 @@ def _times_of_hold(stored: FloatArray) -> FloatArray:
     return np.append(stored[0] + np.array(offsets), stored[-1])
 
 
-@dataclass(frozen=True)
-class Unfinished:
-    """What could be solved of the step in which a simulation died."""
-
-    part: Any  # Its beginning.
-    cycle: int  # Its cycle, from 1.
-    position: int  # Its place in the cycle, from 0.
-
-
 def to_trajectory(
-    solution: Any,
+    solved: Iterable[Part],
     protocol_steps: Sequence[Sequence[Any]],
-    numbers: Sequence[int],
     with_temperature: bool,
-    unfinished: Unfinished | None = None,
+    unfinished: Part | None = None,
 ) -> Trajectory | None:
     """Join the solved steps of an experiment; None if not one step was solved.
 
-    ``protocol_steps`` are the experiment's cycles, each with its steps, and ``numbers`` which of them, from 1, the
-    solution has. A step that the protocol skips (its end was already reached) has no samples and does not appear;
-    ``position`` tells which one is missing. The temperature of an isothermal cell says nothing, and reading a variable
-    costs a few per cent of a solve. ``unfinished`` comes last, as a step cut short.
+    ``protocol_steps`` are the experiment's cycles, each with its steps. A step that the protocol skips (its end was
+    already reached) has no samples and does not appear; ``position`` tells which one is missing. The temperature of an
+    isothermal cell says nothing, and reading a variable costs a few per cent of a solve. ``unfinished``, the beginning
+    of the step in which a simulation died, comes last.
     """
-    if solution is None or not getattr(solution, "cycles", None):
-        return None
-    parts = [
-        (number, position, part)
-        for number, cycle in zip(numbers, solution.cycles, strict=False)
-        for position, part in enumerate(cycle.steps)
-        if not isinstance(part, pybamm.EmptySolution)
-    ]
+    parts = [part for part in solved if not isinstance(part[-1], pybamm.EmptySolution)]
     if not parts:
         return None
     whole = len(parts)
     if unfinished is not None:
-        parts.append((unfinished.cycle, unfinished.position, unfinished.part))
+        parts.append(unfinished)
     times: list[FloatArray] = []
     signals: dict[str, list[FloatArray]] = {_CURRENT: [], _VOLTAGE: []}
     if with_temperature:
