@@ -12,7 +12,7 @@ import numpy as np
 from ...backends.rules.backend import RulesBackend
 from ...core.run.run_config import RunConfig
 from ...core.scaffold import load_scaffold
-from ...plugins.pybamm.simulators.worker import Assignment, WorkerPool
+from ...plugins.pybamm.simulators.worker import CandidateService, WorkerPool
 from ...plugins.pybamm.solving.compiled import CompiledExperiment
 from ...plugins.pybamm.solving.experiment_kinds import solve_reference
 from ..campaign.summary import Row
@@ -35,18 +35,18 @@ def measure(folder: Path, task_name: str, repeats: int) -> dict[str, Any]:
     # Near the start, where candidates of a fit lie; alike for one worker and for two.
     rng = np.random.default_rng(repeats)
     batch = [task.space.project({k: v * rng.uniform(0.98, 1.02) for k, v in candidate.items()}) for _ in range(8)]
-    assignment = Assignment(task.cell, (experiment,), task.space.targets)
-    with closing(WorkerPool(assignment, 1, 60.0)) as one, closing(WorkerPool(assignment, 2, 60.0)) as two:
-        list(one.simulate([candidate], False))  # A worker compiles with its first candidate.
-        list(two.simulate([candidate] * 2, False))
+    service = CandidateService(task.cell, (experiment,), task.space.targets)
+    with closing(WorkerPool(service, 1, 60.0)) as one, closing(WorkerPool(service, 2, 60.0)) as two:
+        list(one.simulate([candidate]))  # A worker compiles with its first candidate.
+        list(two.simulate([candidate] * 2))
         solver_s, evaluation_s, worker_s = _medians(
             repeats,
             lambda: compiled.simulation.solve(inputs=inputs, calc_esoh=False),
             lambda: compiled.solve(candidate),
-            lambda: list(one.simulate([candidate], False)),
+            lambda: list(one.simulate([candidate])),
         )
         alone_s, together_s = _medians(
-            max(repeats // 5, 3), lambda: list(one.simulate(batch, False)), lambda: list(two.simulate(batch, False))
+            max(repeats // 5, 3), lambda: list(one.simulate(batch)), lambda: list(two.simulate(batch))
         )
     (rebuild_s,) = _medians(
         max(repeats // 5, 2), lambda: solve_reference(task.cell, experiment, task.space.change(candidate))

@@ -72,14 +72,15 @@ class EffectSimulator:
         return [self._predict(request) for request in requests]
 
     def _predict(self, request: Request) -> Prediction | None:
-        candidate, measured_record, moments = request.candidate, request.measured_record, request.moments
+        candidate, moments = request.candidate, request.moments
         present = tuple(effect for effect in request.effects if not _is_absent(effect, candidate))
-        driven = self._driven(present, measured_record, request.fine, request.low_fidelity)
+        request = replace(request, effects=present)
+        driven = self._driven(request)
         if driven is None:
             return None
         own = (*(candidate.get(name) for name in self._targets), *(effect.values(candidate) for effect in present))
         # Not the identity of the compiled cell: once it is let go, another may have the same.
-        of = (tuple(effect.key for effect in present), id(measured_record), request.fine, request.low_fidelity)
+        of = _key(request, request.measured_record)
         key = (of, repr(own), request.soc, request.offset, len(moments.time), float(np.sum(moments.time)))
         if key not in self._recent:
             self.simulations += 1
@@ -91,17 +92,12 @@ class EffectSimulator:
             return None
         return Prediction(moments.averaged(curve.voltage), moments.averaged(curve.temperature))
 
-    def _driven(
-        self, effects: tuple[Effect, ...], measured_record: MeasuredRecord, fine: bool, low_fidelity: bool
-    ) -> DrivenCell | None:
+    def _driven(self, request: Request) -> DrivenCell | None:
+        effects, measured_record = request.effects, request.measured_record
         # The record itself is kept, so that its identity stays its own.
         if not any(measured_record is known for known in self._records):
             self._records.append(measured_record)
-
-        def key_of(record: MeasuredRecord) -> _Key:
-            return tuple(effect.key for effect in effects), id(record), fine, low_fidelity
-
-        key = key_of(measured_record)
+        key = _key(request, measured_record)
         if key in self._compiled:
             self._compiled.move_to_end(key)
             return self._compiled[key]
@@ -109,18 +105,18 @@ class EffectSimulator:
         cells: list[DrivenCell] | list[None]
         try:
             first, *others = (one.record for one in group)
-            resolution = self._resolution(measured_record, fine)
-            cell = self._cells[low_fidelity]
+            resolution = self._resolution(measured_record, request.fine)
+            cell = self._cells[request.low_fidelity]
             start = Start(temperature_k=measured_record.ambient_k, initial_temperature_k=measured_record.initial_k)
             driven = DrivenCell(cell, effects, first, self._targets, start, resolution, others=others)
             cells = [driven, *(driven.on_other(place) for place in range(len(others)))]
         except BsaError as error:
-            if not effects and not low_fidelity:
+            if not effects and not request.low_fidelity:
                 raise
             cells = [None] * len(group)
             if effects:
                 self.refused[" + ".join(effect.key for effect in effects)] = error.message
-        made = dict(zip(map(key_of, group), cells, strict=True))
+        made = {_key(request, record): one for record, one in zip(group, cells, strict=True)}
         self._compiled |= made
         while len(self._compiled) > _KEPT:
             self._compiled.popitem(last=False)
@@ -143,6 +139,10 @@ class EffectSimulator:
     def _resolution(self, measured_record: MeasuredRecord, fine: bool) -> Resolution:
         chosen = self._resolutions[fine]
         return replace(chosen, rtol=min(chosen.rtol, _RTOL_OF_MANY_CYCLES)) if measured_record.is_long else chosen
+
+
+def _key(request: Request, record: MeasuredRecord) -> _Key:
+    return tuple(effect.key for effect in request.effects), id(record), request.fine, request.low_fidelity
 
 
 def has_low_fidelity(cell: CellModel) -> bool:

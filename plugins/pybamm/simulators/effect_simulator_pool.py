@@ -4,6 +4,7 @@ import pickle
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -24,31 +25,21 @@ _LARGE = ("measured_record", "moments")
 class EffectService(RequestService):
     """What each worker does; see `EffectSimulator`."""
 
-    def __init__(
-        self,
-        cell: CellModel,
-        targets: Mapping[str, Target],
-        usual: Resolution,
-        fine: Resolution,
-        together: Sequence[Path] = (),
-    ) -> None:
-        self._arguments = (cell, dict(targets), usual, fine)
-        self._together = tuple(together)
-        self._read: dict[Path, Any] = {}
-
-    def simulator(self) -> EffectSimulator:
-        """See `RequestService.simulator`."""
-        return EffectSimulator(*self._arguments, [self._thing(path) for path in self._together])
-
     def request(self, job: Request) -> Request:
         """See `RequestService.request`."""
-        return replace(job, **{name: self._thing(getattr(job, name)) for name in _LARGE})
+        return replace(job, **{name: _read(getattr(job, name)) for name in _LARGE})
 
-    def _thing(self, path: Path) -> Any:
-        # What is asked for twice must be one object, or its model would be compiled twice.
-        if path not in self._read:
-            self._read[path] = pickle.loads(path.read_bytes())
-        return self._read[path]
+
+@cache
+def _read(path: Path) -> Any:
+    """What a file holds; one object for all that ask, or its model would be compiled twice."""
+    return pickle.loads(path.read_bytes())
+
+
+def _simulator(
+    cell: CellModel, targets: Mapping[str, Target], usual: Resolution, fine: Resolution, together: Sequence[Path]
+) -> EffectSimulator:
+    return EffectSimulator(cell, targets, usual, fine, [_read(path) for path in together])
 
 
 class EffectSimulatorPool(RequestPool[Request, Prediction]):
@@ -66,7 +57,8 @@ class EffectSimulatorPool(RequestPool[Request, Prediction]):
         self._folder = tempfile.TemporaryDirectory(prefix="bsa-")
         self._kept: dict[int, tuple[Any, Path]] = {}
         files = [self._file(record) for record in together]
-        super().__init__(EffectService(cell, targets, usual, fine, files), workers, _TIME_LIMIT_S)
+        make = partial(_simulator, cell, dict(targets), usual, fine, files)
+        super().__init__(EffectService(make), workers, _TIME_LIMIT_S)
         self.has_low_fidelity = has_low_fidelity(cell)
 
     def _job(self, request: Request) -> Any:

@@ -3,6 +3,7 @@
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 from ....core.ageing.summary import in_sequence
 from ....core.comparison.residuals import residuals
@@ -86,20 +87,10 @@ def window(task: Task, cycle: int) -> Task:
     return replace(task, experiments=(alone,))
 
 
-class LifeService(RequestService):
-    """What each worker does."""
-
-    def __init__(self, task: Task) -> None:
-        self._task = task
-
-    def simulator(self) -> LifeSimulator:
-        """See `RequestService.simulator`."""
-        return LifeSimulator(self._task)
-
-
 class LifeSimulatorPool(RequestPool[LifeRequest, LifeResiduals]):
     """Simulates a life in worker processes; see `Answering` and `LifeSimulator`."""
 
     def __init__(self, task: Task, workers: int) -> None:
         cycles = len(task.experiments[0].protocol or ())
-        super().__init__(LifeService(task), workers, max(_LEAST_S, _SECONDS_A_CYCLE * cycles))
+        limit_s = max(_LEAST_S, _SECONDS_A_CYCLE * cycles)
+        super().__init__(RequestService(partial(LifeSimulator, task)), workers, limit_s)

@@ -2,9 +2,8 @@
 
 import pickle
 import threading
-from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, Generic, TypeVar
 
 from ....core.contracts.requests import AnyRequest
@@ -14,22 +13,16 @@ from .processes import Pool, Report
 Given = TypeVar("Given")
 
 
-@dataclass(frozen=True)
-class _Answer(Generic[Given]):
-    """What was simulated, and what the worker's simulator refused to build, by the effects' names."""
-
-    given: Given | None
-    refused: Mapping[str, str]
+_Answer = tuple[Given | None, dict[str, str]]
+"""What was simulated, and what the worker's simulator refused to build, by the effects' names."""
 
 
-class RequestService(ABC):
-    """Answers requests with a simulator of its own; see `Service`."""
+class RequestService:
+    """Answers requests with a simulator of its own, which ``make`` gives in the worker; see `Service`."""
 
-    _simulator: Any = None
-
-    @abstractmethod
-    def simulator(self) -> Any:
-        """The simulator of a worker; models are compiled when they are first asked for."""
+    def __init__(self, make: Callable[[], Any]) -> None:
+        self._make = make
+        self._simulator: Any = None
 
     def request(self, job: Any) -> Any:
         """What was asked for, from what was sent."""
@@ -40,16 +33,16 @@ class RequestService(ABC):
         from ..cells.parameter_sets import pybamm
 
         pybamm.set_logging_level("CRITICAL")
-        self._simulator = self.simulator()
+        self._simulator = self._make()
 
     def work(self, job: Any, report: Report) -> _Answer[Any]:
         """Answer a request."""
         (given,) = self._simulator.predict([self.request(job)])
-        return _Answer(given, dict(self._simulator.refused))
+        return given, dict(self._simulator.refused)
 
     def lost(self, cause: str, seconds: float, reported: Any) -> _Answer[Any]:
         """A request that could not be answered."""
-        return _Answer(None, {})
+        return None, {}
 
 
 class RequestPool(Generic[AnyRequest, Given]):
@@ -73,18 +66,18 @@ class RequestPool(Generic[AnyRequest, Given]):
         with self._lock:
             jobs = [self._job(request) for request in requests]
             self.simulations += len(jobs)
-        answers: dict[int, _Answer[Given]] = {}
+        answers: dict[int, Given | None] = {}
         try:
-            for place, answer in self._pool.run(jobs):
-                answers[place] = answer
-                self.refused.update(answer.refused)
+            for place, (given, refused) in self._pool.run(jobs):
+                answers[place] = given
+                self.refused.update(refused)
         except (pickle.PicklingError, AttributeError, TypeError) as error:
             names = sorted({effect.key for request in requests for effect in request.effects})
             raise BsaError(
                 f"the effects {', '.join(names)} cannot be sent to a worker process: {error}.",
                 "write their functions at the top level of a module, not as lambdas or inside other functions.",
             ) from None
-        return [answers[place].given for place in range(len(jobs))]
+        return [answers[place] for place in range(len(jobs))]
 
     def _job(self, request: AnyRequest) -> Any:
         """The request as it is sent."""

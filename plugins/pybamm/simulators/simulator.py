@@ -13,8 +13,9 @@ from ....core.simulation import Outcome
 from ....core.target import InitialSoc
 from ....core.task import Experiment, Protocol
 from ....core.task_reduction import TaskReduction
+from ..modelling.resolution import FINE, LOW_FIDELITY, REFERENCE, SEARCH
 from .reduced import reduced
-from .worker import Assignment, WorkerPool
+from .worker import CandidateService, WorkerPool
 
 if TYPE_CHECKING:
     from ..solving.equilibrium import EquilibriumCell
@@ -54,7 +55,7 @@ class PyBaMMSimulator:
         self._variant: tuple[tuple[Experiment, ...], WorkerPool] | None = None
         self._equilibrium: EquilibriumCell | None = None
         self._pool = WorkerPool(
-            Assignment(task.cell, task.experiments, task.space.targets),
+            CandidateService(task.cell, task.experiments, task.space.targets),
             context.workers,
             self._limit_s(task.experiments),
             context.cycled,
@@ -69,19 +70,20 @@ class PyBaMMSimulator:
     @hookimpl
     def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
         """Simulate side by side; ``exact`` uses PyBaMM's standard mesh and tight tolerances."""
-        return self._pool.simulate(candidates, exact)
+        return self._pool.simulate(candidates, REFERENCE if exact else SEARCH)
 
     @hookimpl
     def simulate_finer(self, candidate: Candidate) -> Outcome:
         """Simulate on a mesh of 40 points in every domain."""
-        return self._pool.simulate_finer(candidate)
+        ((_, outcome),) = self._pool.simulate([candidate], FINE)
+        return outcome
 
     @hookimpl
     def simulate_low_fidelity(self, candidates: Sequence[Candidate]) -> Iterator[tuple[int, Outcome]] | None:
         """Simulate a DFN on a coarser mesh; the other models take hardly less time on one."""
         if self._task.cell.model != "DFN" or any(experiment.long for experiment in self._task.experiments):
             return None
-        return self._pool.simulate_low_fidelity(candidates)
+        return self._pool.simulate(candidates, LOW_FIDELITY)
 
     @hookimpl
     def simulate_variant(
@@ -91,7 +93,7 @@ class PyBaMMSimulator:
 
         An experiment that the task does not have begins at its own state of charge, whatever is searched.
         """
-        return self._variant_pool(experiments).simulate(candidates, exact)
+        return self._variant_pool(experiments).simulate(candidates, REFERENCE if exact else SEARCH)
 
     def _variant_pool(self, experiments: tuple[Experiment, ...]) -> WorkerPool:
         """Processes that keep these experiments compiled; one set at a time, for each process takes 300 MB."""
@@ -104,9 +106,9 @@ class PyBaMMSimulator:
         if not any(experiment.name in own for experiment in experiments):
             targets = {name: target for name, target in targets.items() if not isinstance(target, InitialSoc)}
         limit_s = self._limit_s(experiments) * max(1.0, len(experiments) / len(self._task.experiments))
-        pool = WorkerPool(Assignment(self._task.cell, experiments, targets), self._workers, limit_s, self._cycled)
-        self._variant = (experiments, pool)
-        return pool
+        service = CandidateService(self._task.cell, experiments, targets)
+        self._variant = experiments, WorkerPool(service, self._workers, limit_s, self._cycled)
+        return self._variant[1]
 
     @hookimpl
     def reduce_task(self, reduction: TaskReduction) -> tuple[Experiment, ...]:

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from ....core.errors import BsaError
@@ -18,20 +17,14 @@ _ALLOWANCES = {SEARCH: 1.0, LOW_FIDELITY: 2.0, REFERENCE: 10.0, FINE: 10.0}
 candidate; a reference solve builds its model anew, on a finer mesh at tighter tolerances."""
 
 
-@dataclass(frozen=True)
-class Assignment:
-    """What a worker simulates, over and over: the task without its bounds."""
-
-    cell: CellModel  # Equations and base parameters.
-    experiments: tuple[Experiment, ...]  # The records to simulate.
-    targets: Mapping[str, Target]  # What a candidate sets, by the names that it uses.
-
-
 class CandidateService:
-    """Simulates every experiment of an assignment for one candidate after another; see `Service`."""
+    """Simulates every experiment for one candidate after another; see `Service`.
 
-    def __init__(self, assignment: Assignment) -> None:
-        self._assignment = assignment
+    ``targets`` are what a candidate sets, by the names that it uses.
+    """
+
+    def __init__(self, cell: CellModel, experiments: tuple[Experiment, ...], targets: Mapping[str, Target]) -> None:
+        self._cell, self.experiments, self._targets = cell, experiments, targets
         self._compiled: dict[Resolution, list[Any]] = {}
 
     def prepare(self) -> None:
@@ -46,9 +39,8 @@ class CandidateService:
         from ..solving.experiment_kinds import compiled
 
         if resolution not in self._compiled:
-            cell, targets = self._assignment.cell, self._assignment.targets
             self._compiled[resolution] = [
-                compiled(cell, experiment, targets, resolution) for experiment in self._assignment.experiments
+                compiled(self._cell, experiment, self._targets, resolution) for experiment in self.experiments
             ]
         return self._compiled[resolution]
 
@@ -58,13 +50,13 @@ class CandidateService:
         started = time.perf_counter()
         runs: list[ExperimentRun] = []
         try:
-            for number in range(len(self._assignment.experiments)):
+            for number in range(len(self.experiments)):
                 runs.append(self._simulate(number, candidate, resolution, report))
         except BsaError:
             raise
         except Exception as error:
             reason = f"{type(error).__name__}: {error}".splitlines()[0][:200]
-            runs += [ExperimentRun(None, SimulationFailure(reason))] * (len(self._assignment.experiments) - len(runs))
+            runs += [ExperimentRun(None, SimulationFailure(reason))] * (len(self.experiments) - len(runs))
         return Outcome(tuple(runs), time.perf_counter() - started)
 
     def _simulate(self, number: int, candidate: Candidate, resolution: Resolution, report: Report) -> ExperimentRun:
@@ -74,9 +66,8 @@ class CandidateService:
             report((number, step, cycle))
 
         if resolution not in (SEARCH, LOW_FIDELITY):
-            change = change_of(self._assignment.targets, candidate)
-            experiment = self._assignment.experiments[number]
-            return solve_reference(self._assignment.cell, experiment, change, resolution, on_step)
+            change = change_of(self._targets, candidate)
+            return solve_reference(self._cell, self.experiments[number], change, resolution, on_step)
         run: ExperimentRun = self._experiments_at(resolution)[number].solve(candidate, on_step)
         return run
 
@@ -84,7 +75,7 @@ class CandidateService:
         """A trial that failed in the step that was reported last."""
         _, step, cycle = reported or (0, "", 0)
         failure = SimulationFailure(cause, step, cycle)
-        return Outcome((ExperimentRun(None, failure),) * len(self._assignment.experiments), seconds)
+        return Outcome((ExperimentRun(None, failure),) * len(self.experiments), seconds)
 
 
 class WorkerPool:
@@ -95,14 +86,14 @@ class WorkerPool:
 
     def __init__(
         self,
-        assignment: Assignment,
+        service: CandidateService,
         size: int,
         time_limit_s: float,
         cycled: Callable[[int, int], None] = lambda cycle, cycles: None,
     ) -> None:
-        self._cycles = [len(e.protocol or ()) if e.long else 0 for e in assignment.experiments]
+        self._cycles = [len(e.protocol or ()) if e.long else 0 for e in service.experiments]
         self._cycled, self._told = cycled, (0, 0)
-        self.processes = Pool(CandidateService(assignment), size, time_limit_s, self._watch)
+        self.processes = Pool(service, size, time_limit_s, self._watch)
 
     def _watch(self, reports: Sequence[tuple[int, str, int]]) -> None:
         number, _, cycle = max(reports, key=lambda report: (report[0], report[2]))
@@ -110,20 +101,10 @@ class WorkerPool:
             self._told = number, cycle
             self._cycled(cycle, self._cycles[number])
 
-    def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
+    def simulate(
+        self, candidates: Sequence[Candidate], resolution: Resolution = SEARCH
+    ) -> Iterator[tuple[int, Outcome]]:
         """Simulate all candidates; the place and the outcome of each as it finishes."""
-        return self._at(REFERENCE if exact else SEARCH, candidates)
-
-    def simulate_low_fidelity(self, candidates: Sequence[Candidate]) -> Iterator[tuple[int, Outcome]]:
-        """Simulate all candidates by the low-fidelity model; see `simulate`."""
-        return self._at(LOW_FIDELITY, candidates)
-
-    def simulate_finer(self, candidate: Candidate) -> Outcome:
-        """Simulate a candidate on a mesh of twice the points."""
-        ((_, outcome),) = self._at(FINE, [candidate])
-        return outcome
-
-    def _at(self, resolution: Resolution, candidates: Sequence[Candidate]) -> Iterator[tuple[int, Outcome]]:
         jobs = [(dict(candidate), resolution) for candidate in candidates]
         return self.processes.run(jobs, _ALLOWANCES[resolution])
 
