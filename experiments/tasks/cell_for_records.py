@@ -257,7 +257,7 @@ def with_chosen_potentials(
     found = chosen_potentials(wanted or NEAREST, curve, " and ".join(without))
     assert curve is not None  # else no potentials can be chosen
     taken = found[0]
-    base = taken.positive if parameter_set == NEAREST else parameter_set
+    base = taken.sets["Positive"] if parameter_set == NEAREST else parameter_set
     left = f"{1e3 * taken.rms_v:.1f} mV"
     compared = (
         f"{own_left}, those of {taken} {left}"
@@ -282,7 +282,7 @@ def with_chosen_potentials(
     if parameter_set != NEAREST:
         return chosen, notes
     # The set was chosen for its potentials: the cell's rates are those of any other set as likely.
-    chosen, said_of_rates = _with_usual_rates(chosen, taken.positive)
+    chosen, said_of_rates = _with_usual_rates(chosen, taken.sets["Positive"])
     return chosen, [*notes, *said_of_rates]
 
 
@@ -320,7 +320,7 @@ def _with_usual_rates(parameter_set: ParameterFile, base: str) -> tuple[Paramete
     unusual = unusual_rates(parameter_set)
     if not unusual:
         return parameter_set, []
-    factors = ", ".join(f"{rate.name.split(' [')[0].lower()} times {rate.factor:.2g}" for rate in unusual)
+    factors = ", ".join(f"{name.split(' [')[0].lower()} times {factor:.2g}" for name, factor in unusual.items())
     return with_usual_rates(parameter_set, unusual), [
         f"Rates of {base} that lie far from those of all other installed sets are replaced by the nearest of those: "
         f"{factors}."

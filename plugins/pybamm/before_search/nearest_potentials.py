@@ -33,9 +33,7 @@ _MOST = 0.95
 class Potentials:
     """Open-circuit potentials of two electrodes, balanced as a measured cell shows them."""
 
-    # negative, positive: The sets that they are from.
-    negative: str
-    positive: str
+    sets: Mapping[str, str]  # That of each electrode.
     curves: Mapping[str, FloatArray]  # By electrode, on `GRID`, V.
     uncorrected: Balance  # Where the electrodes work along the measured curve, and what is left of that.
     corrections: Corrections | None = None  # What a slow curve shows that the sets lack.
@@ -50,11 +48,6 @@ class Potentials:
         """What they leave of the measured curve, V."""
         return self.balance.rms_v
 
-    @property
-    def sets(self) -> Mapping[str, str]:
-        """The set of each electrode."""
-        return {"Negative": self.negative, "Positive": self.positive}
-
     def corrected_by(self, curve: OpenCircuitCurve) -> Potentials:
         """The same with the corrections that a curve shows, and balanced with them.
 
@@ -65,9 +58,8 @@ class Potentials:
         return replace(self, corrections=corrections(curve, self.curves, self.uncorrected))
 
     def __str__(self) -> str:
-        if self.negative == self.positive:
-            return self.negative
-        return f"{self.negative} (negative) and {self.positive} (positive)"
+        negative, positive = (self.sets[which] for which in ELECTRODES)
+        return negative if negative == positive else f"{negative} (negative) and {positive} (positive)"
 
 
 def chosen_potentials(
@@ -97,9 +89,10 @@ def chosen_potentials(
                 raise unknown(message, name, known[which], 'choose "nearest", or of {}.')
         chosen = [[names[0]], [names[-1]]]
     found = []
-    for negative, positive in product(*chosen):
-        pair = {"Negative": known["Negative"][negative], "Positive": known["Positive"][positive]}
-        found.append(Potentials(negative, positive, pair, balanced(curve, pair)))
+    for both in product(*chosen):
+        sets = dict(zip(ELECTRODES, both, strict=True))
+        pair = {which: known[which][name] for which, name in sets.items()}
+        found.append(Potentials(sets, pair, balanced(curve, pair)))
     return sorted(found, key=lambda potentials: potentials.uncorrected.cost)
 
 
@@ -131,7 +124,7 @@ def own_potentials(base: ParameterSource, curve: OpenCircuitCurve) -> Potentials
         return None
     own = OcpCurves(values)
     pair = {which: own.curve(which, CellChange()) for which in ELECTRODES}
-    return Potentials(str(base), str(base), pair, balanced(curve, pair))
+    return Potentials(dict.fromkeys(ELECTRODES, str(base)), pair, balanced(curve, pair))
 
 
 def with_potentials(base: ParameterSource, found: Potentials) -> ParameterFile:

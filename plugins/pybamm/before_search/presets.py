@@ -12,7 +12,7 @@ from pydantic import BaseModel, Field, model_validator
 
 from ....core.errors import BsaError, unknown
 from ....core.parameters import Parameter, ParameterSpace, Scale
-from ....core.target import Factor, Target, Value, factor_name, target_named
+from ....core.target import Factor, Value, factor_name, target_named
 from ....core.task import ParameterSource
 from ....core.validation import validated
 from ....core.yaml_text import YAML_SUFFIXES, read_yaml
@@ -193,8 +193,11 @@ def _from_person(
         parameter = _from_preset(parameter_set, _preset_name(name), known, overrides)
         if entry.deviation is not None:
             parameter = replace(parameter, deviation=entry.deviation, prior=True)
-        return parameter if entry.initial is None else _started(parameter, entry.initial)
-    initial, target = initial_value(parameter_set, name, overrides), _target(parameter_set, name, overrides)
+        if entry.initial is None:
+            return parameter
+        lower, upper = min(parameter.lower, entry.initial), max(parameter.upper, entry.initial)
+        return replace(parameter, initial=entry.initial, lower=lower, upper=upper)
+    initial, target = initial_value(parameter_set, name, overrides), target_in(parameter_set, name, overrides)
     scale: Scale
     if entry.factors is not None:
         initial = initial if entry.initial is None else entry.initial
@@ -206,11 +209,6 @@ def _from_person(
         lower, upper, scale = entry.lower, entry.upper, entry.scale or "linear"
         initial = min(max(initial, lower), upper) if entry.initial is None else entry.initial
     return Parameter(name, initial, lower, upper, scale, target, entry.deviation, entry.deviation is not None)
-
-
-def _started(parameter: Parameter, initial: float) -> Parameter:
-    """The parameter started where a person says, its bounds widened where they would not hold it."""
-    return replace(parameter, initial=initial, lower=min(parameter.lower, initial), upper=max(parameter.upper, initial))
 
 
 def _from_preset(parameter_set: ParameterSource, name: str, entry: Range, overrides: Mapping[str, float]) -> Parameter:
@@ -227,15 +225,10 @@ def _from_preset(parameter_set: ParameterSource, name: str, entry: Range, overri
             initial = unit * entry.start
     if entry.at_most is not None:
         upper = min(upper, entry.at_most)
-    target = _target(parameter_set, name, overrides)
+    target = target_in(parameter_set, name, overrides)
     lower, upper = min(lower, initial), max(upper, initial)
     deviation = None if entry.deviation is None else unit * entry.deviation
     return Parameter(name, initial, lower, upper, entry.scale, target, deviation, deviation is not None)
-
-
-def _target(parameter_set: ParameterSource, name: str, overrides: Mapping[str, float]) -> Target:
-    """What a name acts on; a function that an override replaces by a number is a value."""
-    return Value(name) if name in overrides else target_in(parameter_set, name)
 
 
 def _is_zero(parameter_set: ParameterSource, name: str, overrides: Mapping[str, float]) -> bool:

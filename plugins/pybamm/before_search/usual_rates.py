@@ -1,7 +1,6 @@
 """Rates of diffusion and reaction that lie far from those of every other installed parameter set."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from functools import cache, partial
 from typing import Any
 
@@ -23,19 +22,12 @@ _USUAL_CONCENTRATION = 1000.0
 """Of the electrolyte where exchange-current densities are compared, mol.m-3."""
 
 
-@dataclass(frozen=True)
-class UnusualRate:
-    """A rate of a set that is far from those of the others."""
+def unusual_rates(base: ParameterSource) -> dict[str, float]:
+    """Rates of a set that lie far from those of all other installed lithium-ion sets, by PyBaMM's names.
 
-    name: str  # The diffusivity or exchange-current density, by PyBaMM's name.
-    factor: float  # By which it is multiplied to give the nearest rate of the other sets.
-
-
-def unusual_rates(base: ParameterSource) -> tuple[UnusualRate, ...]:
-    """Rates of a set that lie far from those of all other installed lithium-ion sets.
-
-    What a diffusivity or an exchange-current density does to a voltage depends on the size and the capacity of the
-    particles too. Compared are the inverse times ``D / R^2`` and ``3 j0 / (R F c_max)`` at half of the lithium, 1/s.
+    Of each the factor that gives the nearest rate of the others. What a diffusivity or an exchange-current density does
+    to a voltage depends on the size and the capacity of the particles too. Compared are the inverse times ``D / R^2``
+    and ``3 j0 / (R F c_max)`` at half of the lithium, 1/s.
 
     Parameters
     ----------
@@ -43,23 +35,25 @@ def unusual_rates(base: ParameterSource) -> tuple[UnusualRate, ...]:
         The set.
     """
     values = load(base)
-    return tuple(found for name, rate in _RATES.items() if (found := _unusual(name, rate(values))) is not None)
+    factors = {name: _factor(name, rate(values)) for name, rate in _RATES.items()}
+    return {name: factor for name, factor in factors.items() if factor is not None}
 
 
-def with_usual_rates(base: ParameterSource, unusual: tuple[UnusualRate, ...]) -> ParameterFile:
-    """The set with rates multiplied by their factors."""
+def with_usual_rates(base: ParameterSource, unusual: Mapping[str, float]) -> ParameterFile:
+    """The set with rates multiplied by their factors; see `unusual_rates`."""
     values = load(base)
-    bake(values, CellChange(factors={rate.name: rate.factor for rate in unusual}))
+    bake(values, CellChange(factors=unusual))
     return ParameterFile(f"{base} with usual rates", "parameter-values", as_json(values))
 
 
-def _unusual(name: str, rate: float) -> UnusualRate | None:
+def _factor(name: str, rate: float) -> float | None:
+    """What leads to the nearest rate of the other sets; None for a rate that is near them."""
     own = np.log(rate)
     # A set whose rate is the same is this set, or one that took the rate from the same source.
     others = np.array([log for log in _published(name) if not np.isclose(log, own)])
     if abs(own - np.mean(others)) < _DEVIATIONS * np.std(others):
         return None
-    return UnusualRate(name, float(np.exp(others[np.argmin(np.abs(others - own))] - own)))
+    return float(np.exp(others[np.argmin(np.abs(others - own))] - own))
 
 
 @cache

@@ -7,6 +7,7 @@ from functools import cache
 from typing import Any
 
 from ....core.errors import BsaError, did_you_mean
+from ....core.parameters import Candidate
 from ....core.printable import listed
 from ....core.target import (
     CellChange,
@@ -48,16 +49,13 @@ CUT_OFFS = {
 }
 """The voltage cut-offs, and the open-circuit voltages of an empty and of a full cell, which they are in most sets."""
 
-_BLEND = "Primary: "
-"""What PyBaMM puts before the parameters of the first of two materials of an electrode."""
-
 
 def why_no_full_cell(values: Mapping[str, Any]) -> str | None:
     """What tells that values are not of a full cell with one material in each electrode; None where they are of one.
 
     The values are those of a set before gaps are filled: afterwards every set looks whole.
     """
-    if any(name.startswith(_BLEND) for name in values):
+    if any(name.startswith("Primary: ") for name in values):  # those of the first of two materials
         return "an electrode is a blend of two materials"
     numbers = [name for name in map(ocp_name, ELECTRODES) if name in values and not callable(values[name])]
     if numbers:
@@ -152,12 +150,14 @@ def parameters(set_name: ParameterSource) -> dict[str, float | str]:
     }
 
 
-def target_in(set_name: ParameterSource, name: str) -> Target:
-    """What a person's name for a parameter acts on in a set.
+def target_in(set_name: ParameterSource, name: str, overrides: Mapping[str, float] | None = None) -> Target:
+    """What a person's name for a parameter acts on in a set; what an override replaces is a value.
 
     Raises `BsaError` if the set has no such parameter, or a multiplier is asked for where the value itself can be
     searched, or the reverse.
     """
+    if name in (overrides or {}):
+        return Value(require(set_name, name))
     known = _load(set_name)
     target = target_named(name, known)
     if isinstance(target, Factor) and not callable(known[require(set_name, target.name)]):
@@ -176,7 +176,7 @@ _START_SOC = 0.5
 def initial_value(set_name: ParameterSource, name: str, overrides: Mapping[str, float] | None = None) -> float:
     """The value at which a search over ``name`` starts: the set's own, 1 for a factor, 0 for a correction.
 
-    Raises `BsaError`: as `target_in`, unless an override gives a function a number.
+    Raises `BsaError`: as `target_in`.
     """
     if name in (overrides or {}):
         return float((overrides or {})[require(set_name, name)])
@@ -205,20 +205,13 @@ def open_to_search(values: pybamm.ParameterValues, targets: Mapping[str, Target]
     reshape(values, {target: pybamm.InputParameter(name) for target, name in factors.items()})
 
 
-def input_values(targets: Mapping[str, Target], change: CellChange) -> dict[str, float]:
-    """The inputs of a model which `open_to_search` has opened, for a candidate."""
-    inputs: dict[str, float] = {}
-    for name, target in targets.items():
-        match target:
-            case Value(base):
-                inputs[name] = change.values[base]
-            case Factor(base):
-                inputs[name] = change.factors[base]
-            case OcpShape():
-                inputs[name] = change.ocp_shape[target]
-            case DiffusivityShape():
-                inputs[name] = change.diffusivity_shape[target]
-    return inputs
+def input_values(targets: Mapping[str, Target], candidate: Candidate, change: CellChange) -> dict[str, float]:
+    """The inputs of a model which `open_to_search` has opened, for a candidate and the change that it makes."""
+    return {
+        name: change.ocp_shape[target] if isinstance(target, OcpShape) else float(candidate[name])
+        for name, target in targets.items()
+        if isinstance(target, Value | Factor | OcpShape | DiffusivityShape)
+    }
 
 
 def bake(values: pybamm.ParameterValues, change: CellChange) -> None:

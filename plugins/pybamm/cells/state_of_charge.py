@@ -46,13 +46,20 @@ def initial_concentration(which: str) -> str:
     return f"Initial concentration in {which.lower()} electrode [mol.m-3]"
 
 
-@dataclass(frozen=True)
-class _Start:
-    """Of both electrodes: stoichiometry at the start, what they can hold (mol/m2), maximum concentration (mol/m3)."""
+@dataclass(frozen=True, eq=False)
+class _Balance:
+    """How two electrodes share their lithium."""
 
-    stoichiometry: Mapping[str, float]
-    held: Mapping[str, float]
-    highest: Mapping[str, float]
+    # x, y, voltage: Stoichiometries of the negative and of the positive electrode, and the open-circuit voltage there,
+    # which never falls, V. Shape (n,).
+    x: FloatArray
+    y: FloatArray
+    voltage: FloatArray
+    empty: float  # Negative stoichiometry of an empty cell.
+    full: float
+    lithium: float  # What they share, mol/m2.
+    held: Mapping[str, float]  # What each can hold, mol/m2.
+    highest: Mapping[str, float]  # The same, mol/m3.
 
 
 class InitialState:
@@ -88,20 +95,20 @@ class InitialState:
         Without a state of charge the negative electrode is the set's own. Raises `ValueError` if the electrodes cannot
         hold the lithium at this state of charge.
         """
-        start = self._start(change, soc)
-        return {initial_concentration(which): start.stoichiometry[which] * start.highest[which] for which in ELECTRODES}
+        balance = self._balance(change)
+        start = self._start(balance, soc)
+        return {initial_concentration(which): start[which] * balance.highest[which] for which in ELECTRODES}
 
     @property
     def span(self) -> float:
         """Share of what the negative electrode holds that goes from an empty cell to a full one."""
-        x, voltage, *_ = self._balance(CellChange())
-        empty, full = np.interp(self._limits, voltage, x)
-        return float(full - empty)
+        balance = self._balance(CellChange())
+        return balance.full - balance.empty
 
     def inventory(self, change: CellChange) -> dict[str, float]:
         """Lithium that the electrodes share, under ``"lithium"``, and what each can hold, mol per m2 of electrode."""
-        _, _, lithium, held, _ = self._balance(change)
-        return {"lithium": lithium, **held}
+        balance = self._balance(change)
+        return {"lithium": balance.lithium, **balance.held}
 
     def voltages(
         self,
@@ -115,22 +122,22 @@ class InitialState:
         ``drawn``, shape (n,), is the lithium that has left the negative electrode since the start, mol per m2 of
         electrode; ``added`` is as in `soc_at`. Beyond what an electrode holds its potential stays at its last value.
         """
-        start = self._start(change, soc)
+        balance = self._balance(change)
+        start = self._start(balance, soc)
         potentials: dict[str, FloatArray] = {}
         for which, sign in (("Negative", -1.0), ("Positive", 1.0)):
             curve = self._ocp.curve(which, change) + sum(part[which] for part in self._parts(added) if which in part)
-            potentials[which] = np.interp(start.stoichiometry[which] + sign * drawn / start.held[which], GRID, curve)
+            potentials[which] = np.interp(start[which] + sign * drawn / balance.held[which], GRID, curve)
         return np.asarray(potentials["Positive"] - potentials["Negative"])
 
-    def _start(self, change: CellChange, soc: float | None) -> _Start:
-        x, voltage, lithium, held, highest = self._balance(change)
-        empty, full = np.interp(self._limits, voltage, x)
-        own = self._base[initial_concentration("Negative")] / highest["Negative"]
-        negative = own if soc is None else float(empty + soc * (full - empty))
-        positive = (lithium - held["Negative"] * negative) / held["Positive"]
+    def _start(self, balance: _Balance, soc: float | None) -> dict[str, float]:
+        """The stoichiometry of each electrode at a state of charge."""
+        own = self._base[initial_concentration("Negative")] / balance.highest["Negative"]
+        negative = own if soc is None else float(balance.empty + soc * (balance.full - balance.empty))
+        positive = (balance.lithium - balance.held["Negative"] * negative) / balance.held["Positive"]
         if not 0.0 < negative < 1.0 or not 0.0 < positive < 1.0:
             raise ValueError(f"stoichiometries {negative:.3f} and {positive:.3f} must lie between 0 and 1")
-        return _Start({"Negative": negative, "Positive": positive}, held, highest)
+        return {"Negative": negative, "Positive": positive}
 
     def soc_at(
         self, voltage: float, change: CellChange | None = None, added: Mapping[str, FloatArray] | None = None
@@ -140,27 +147,19 @@ class InitialState:
         ``added`` is what effects add to the potential of an electrode on `GRID`, V; the limits are those without.
         Raises `ValueError`: as `concentrations`.
         """
-        x, curve, lithium, held, _ = self._balance(change or CellChange())
-        empty, full = np.interp(self._limits, curve, x)
-        parts = self._parts(added)
+        balance = self._balance(change or CellChange())
+        curve, parts = balance.voltage, self._parts(added)
         if parts:
-            y = (lithium - held["Negative"] * x) / held["Positive"]
-            for which, at, sign in (("Negative", x, -1.0), ("Positive", y, 1.0)):
+            for which, at, sign in (("Negative", balance.x, -1.0), ("Positive", balance.y, 1.0)):
                 curve = curve + sign * sum(np.interp(at, GRID, part[which]) for part in parts if which in part)
             curve = np.maximum.accumulate(curve)
-        return float((np.interp(voltage, curve, x) - empty) / (full - empty))
+        return float((np.interp(voltage, curve, balance.x) - balance.empty) / (balance.full - balance.empty))
 
     def _parts(self, added: Mapping[str, FloatArray] | None) -> list[Mapping[str, FloatArray]]:
         """What temperature and effects add to the potentials, V on `GRID`, by electrode."""
         return [part for part in (self._warming, added) if part]
 
-    def _balance(
-        self, change: CellChange
-    ) -> tuple[FloatArray, FloatArray, float, Mapping[str, float], Mapping[str, float]]:
-        """Negative stoichiometries, open-circuit voltage there, shared lithium, and what each electrode can hold.
-
-        The voltage never falls. Lithium and what an electrode holds are in mol/m2; the maximum concentration is last.
-        """
+    def _balance(self, change: CellChange) -> _Balance:
         held: dict[str, float] = {}
         highest: dict[str, float] = {}
         lithium = 0.0
@@ -182,7 +181,8 @@ class InitialState:
         x, y = x[possible], y[possible]
         negative_v, positive_v = (self._ocp.curve(which, change) for which in ELECTRODES)
         voltage = np.maximum.accumulate(np.interp(y, GRID, positive_v) - negative_v[possible])
-        return x, voltage, lithium, held, highest
+        empty, full = np.interp(self._limits, voltage, x).tolist()
+        return _Balance(x, y, voltage, empty, full, lithium, held, highest)
 
 
 def changed_values(cell: CellModel, change: CellChange) -> pybamm.ParameterValues:

@@ -209,7 +209,7 @@ class CompiledCell:
         start the candidate says it, then the `Start`. Raises `ValueError` if the electrodes cannot start there.
         """
         change = self._feasible(change_of(self._targets, candidate))
-        inputs = input_values(self._targets, change)
+        inputs = input_values(self._targets, candidate, change)
         strengths = {**self._known, **candidate}
         for effect in self._effects:
             own = effect.values(strengths)

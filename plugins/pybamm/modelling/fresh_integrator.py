@@ -55,16 +55,11 @@ class FreshIntegrator(pybamm.IDAKLUSolver):  # type: ignore[misc]
     def _integrate(self, *arguments: Any, **how: Any) -> Any:
         made = self._code.made(_COMPILED.generate_function)
         if made is not None:
-            self._exchange(made)
+            count = len(_CALLED_OFTEN)
+            self._parts |= {**dict(zip(_CALLED_OFTEN, made, strict=False)), "var_fcns": made[count:]}
         self._setup["solver"] = _COMPILED.create_casadi_solver_group(**self._parts)
         start = time.perf_counter()
         try:
             return super()._integrate(*arguments, **how)
         finally:
             self._code.spent(time.perf_counter() - start)
-
-    def _exchange(self, functions: list[Any]) -> None:
-        """Put other functions in the place of those of `_CALLED_OFTEN` and of the output variables."""
-        count = len(_CALLED_OFTEN)
-        self._parts |= dict(zip(_CALLED_OFTEN, functions[:count], strict=True))
-        self._parts["var_fcns"] = functions[count:]

@@ -108,12 +108,10 @@ class MachineCode:
             if process.returncode != 0:
                 return None
             try:
-                return [load(str(one.serialize())) for one in self._in_library(_library(name))]
+                compiled = [casadi.external(function.name(), _library(name)) for function in self._deserialised()]
+                return [load(str(one.serialize())) for one in compiled]
             except RuntimeError:  # The folder may be one from which no code may be run.
                 return None
-
-    def _in_library(self, library: str) -> Iterator[casadi.Function]:
-        return (casadi.external(function.name(), library) for function in self._deserialised())
 
     def _deserialised(self) -> Iterator[casadi.Function]:
         return map(casadi.Function.deserialize, self._functions)

@@ -47,7 +47,7 @@ def slow(parameter_set: str, polarisation_v: float, charge: bool = False) -> Tra
 @pytest.mark.slow
 def test_the_potentials_of_the_set_that_made_the_record_are_nearest() -> None:
     found = chosen_potentials("nearest", open_circuit_curve([slow("Ecker2015", 0.005)]))
-    assert (found[0].negative, found[0].positive) == ("Ecker2015", "Ecker2015")
+    assert found[0].sets == {"Negative": "Ecker2015", "Positive": "Ecker2015"}
     assert found[0].rms_v < 1e-3
     assert found[1].rms_v > 3 * found[0].rms_v
     record = open_circuit_curve([slow("Ecker2015", 0.005)])
@@ -119,7 +119,7 @@ def test_without_a_slow_record_a_faster_one_tells_and_says_so() -> None:
     curve = open_circuit_curve([fast])
     assert curve is not None
     assert "at about 1C" in curve.words
-    assert chosen_potentials("nearest", open_circuit_curve([fast]))[0].positive == "Ecker2015"
+    assert chosen_potentials("nearest", open_circuit_curve([fast]))[0].sets["Positive"] == "Ecker2015"
     both = open_circuit_curve([fast, record])
     assert both is not None
     assert both.words == "the slow record"
@@ -145,7 +145,7 @@ def test_rests_of_a_pulse_test_tell_the_potentials() -> None:
     assert curve is not None
     assert curve.words == "the voltages at the end of 12 rests"
     found = chosen_potentials("nearest", curve)[0]
-    assert (found.positive, found.rms_v < 2e-3) == ("Ecker2015", True)
+    assert (found.sets["Positive"], found.rms_v < 2e-3) == ("Ecker2015", True)
 
 
 def test_a_slow_record_corrects_the_potentials_of_another_maker() -> None:

@@ -44,7 +44,8 @@ def test_a_changed_cell_starts_where_it_shows_the_voltage() -> None:
     change = CellChange(factors={"Negative electrode OCP [V]": 1.3}, cyclable_lithium=0.95)
     for voltage in (3.2, 3.7, 4.1):
         soc = state.soc_at(voltage, change)
-        x, curve, *_ = state._balance(change)
+        balance = state._balance(change)
+        x, curve = balance.x, balance.voltage
         negative = state.concentrations(change, soc)["Initial concentration in negative electrode [mol.m-3]"]
         assert np.interp(negative / 33133.0, x, curve) == pytest.approx(voltage, abs=1e-3)
     assert state.soc_at(4.25) > 1.0
