@@ -1,6 +1,6 @@
 """Effects that change the cell from cycle to cycle, and the leak that empties it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -14,14 +14,11 @@ _FEWEST_OF_A_LIFE = 50
 """Cycles from which what only a whole life can tell is considered: below, it would be one more rival."""
 
 
-def _needs_cycles(option: str) -> Callable[[Evidence], str]:
-    def lacks(evidence: Evidence) -> str:
-        present = str(evidence.options.get(option, "none"))
-        if present not in ("none", "false"):
-            return f'the base model has the option "{option}" already'
-        return _too_few(evidence)
-
-    return lacks
+def _needs_cycles(option: str, evidence: Evidence) -> str:
+    present = str(evidence.options.get(option, "none"))
+    if present not in ("none", "false"):
+        return f'the base model has the option "{option}" already'
+    return _too_few(evidence)
 
 
 def _too_few(evidence: Evidence) -> str:
@@ -29,12 +26,9 @@ def _too_few(evidence: Evidence) -> str:
     return f"no record has {FEWEST_CYCLES} cycles, so that nothing can be seen to age" * few
 
 
-def _needs_a_life(option: str = "") -> Callable[[Evidence], str]:
-    def lacks(evidence: Evidence) -> str:
-        few = evidence.cycles < _FEWEST_OF_A_LIFE
-        return f"no record has {_FEWEST_OF_A_LIFE} cycles" * few or _needs_cycles(option)(evidence)
-
-    return lacks
+def _needs_a_life(option: str, evidence: Evidence) -> str:
+    few = evidence.cycles < _FEWEST_OF_A_LIFE
+    return f"no record has {_FEWEST_OF_A_LIFE} cycles" * few or _needs_cycles(option, evidence)
 
 
 def _rate(name: str, unit: float, known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, Any]:
@@ -52,7 +46,7 @@ def _sei_on_cracks(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str, 
 
 def _cracks_lack(evidence: Evidence) -> str:
     unlike = f"PyBaMM's {evidence.model} takes no lithium from the particles for the SEI on cracks; its DFN does"
-    return _needs_a_life("SEI")(evidence) or unlike * (evidence.model != "DFN")
+    return _needs_a_life("SEI", evidence) or unlike * (evidence.model != "DFN")
 
 
 _SEI_CITATION = "Marquis, PhD thesis, Oxford 2020; Single et al., ChemSusChem 11 (2018), doi:10.1002/cssc.201800077"
@@ -69,7 +63,7 @@ sei_reaction = Effect(
         options={"SEI": "reaction limited"},
         values=partial(_rate, "SEI reaction exchange current density [A.m-2]", 1.5e-7),
     ),
-    lacks=_needs_cycles("SEI"),
+    lacks=partial(_needs_cycles, "SEI"),
     ages=True,
 )
 
@@ -84,7 +78,7 @@ sei_diffusion = Effect(
     physics=PyBaMMPart(
         options={"SEI": "solvent-diffusion limited"}, values=partial(_rate, "SEI solvent diffusivity [m2.s-1]", 2.5e-22)
     ),
-    lacks=_needs_cycles("SEI"),
+    lacks=partial(_needs_cycles, "SEI"),
     ages=True,
 )
 
@@ -100,7 +94,7 @@ sei_electrons = Effect(
         options={"SEI": "electron-migration limited"},
         values=partial(_rate, "SEI electron conductivity [S.m-1]", 8.95e-14),
     ),
-    lacks=_needs_a_life("SEI"),
+    lacks=partial(_needs_a_life, "SEI"),
     ages=True,
 )
 
@@ -116,7 +110,7 @@ sei_interstitials = Effect(
         options={"SEI": "interstitial-diffusion limited"},
         values=partial(_rate, "SEI lithium interstitial diffusivity [m2.s-1]", 1e-20),
     ),
-    lacks=_needs_a_life("SEI"),
+    lacks=partial(_needs_a_life, "SEI"),
     ages=True,
 )
 
@@ -172,7 +166,7 @@ lithium_plating = Effect(
         },
         values=_plating,
     ),
-    lacks=_needs_cycles("lithium plating"),
+    lacks=partial(_needs_cycles, "lithium plating"),
     ages=True,
 )
 
@@ -202,7 +196,7 @@ def _lam(which: str, other: str) -> Effect:
             options={"loss of active material": "current-driven"},
             values=partial(_lam_rate, which.capitalize(), other.capitalize()),
         ),
-        lacks=_needs_cycles("loss of active material"),
+        lacks=partial(_needs_cycles, "loss of active material"),
         ages=True,
     )
 
@@ -225,7 +219,7 @@ def _stressed(which: str, losing: tuple[str, str]) -> Effect:
             },
             values=partial(_rate, f"{which.capitalize()} electrode LAM constant proportional term [s-1]", 2.7778e-7),
         ),
-        lacks=_needs_a_life("loss of active material"),
+        lacks=partial(_needs_a_life, "loss of active material"),
         ages=True,
     )
 
@@ -287,7 +281,7 @@ def _growing_contact(known: Mapping[str, Any], p: Mapping[str, Any]) -> dict[str
 
 def _growth_lacks(evidence: Evidence) -> str:
     # Where it is not asked for, SEI growth is named for it, which makes a resistance grow too.
-    return _too_few(evidence) if evidence.life else _needs_a_life()(evidence)
+    return _too_few(evidence) if evidence.life else _needs_a_life("", evidence)
 
 
 resistance_growth = Effect(

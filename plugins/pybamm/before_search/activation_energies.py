@@ -81,16 +81,9 @@ def _is_independent(values: Any, name: str) -> bool:
 
 
 def with_activation_energies(base: ParameterSource, transport: tuple[str, ...]) -> ParameterFile:
-    """A parameter set in which diffusivities and conductivities follow Arrhenius' law.
+    """A parameter set in which diffusivities and conductivities, of `TRANSPORT`, follow Arrhenius' law.
 
     At the set's reference temperature they are what they were. Their activation energies are parameters of the set.
-
-    Parameters
-    ----------
-    base : str or ParameterFile
-        The set.
-    transport : tuple of str
-        Which ones, by PyBaMM's names; keys of `TRANSPORT`.
     """
     values = load(base)
     for name in transport:
@@ -100,16 +93,10 @@ def with_activation_energies(base: ParameterSource, transport: tuple[str, ...]) 
 
 
 def with_additional_energies(base: ParameterSource, rates: Iterable[str] = RATES) -> ParameterFile:
-    """A parameter set in which rates have an additional activation energy, 0 to begin with.
+    """A parameter set in which some of the `RATES` have an additional activation energy, 0 to begin with.
 
-    Each is multiplied by a law of Arrhenius that is 1 at the set's reference temperature.
-
-    Parameters
-    ----------
-    base : str or ParameterFile
-        The set.
-    rates : iterable of str
-        Which ones, by PyBaMM's names, of `RATES`; one that the set lacks is left out.
+    Each is multiplied by a law of Arrhenius that is 1 at the set's reference temperature. A rate that the set lacks is
+    left out.
     """
     values = load(base)
     for name in (name for name in rates if name in values):

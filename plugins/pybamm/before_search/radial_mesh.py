@@ -91,5 +91,4 @@ def radial_mesh(
         if shifts[-1] < _SHIFT_V:
             break
         chosen, coarse = finer, fine
-    shift_v = shifts[0] if shifts else np.inf
-    return RadialMesh(chosen, shift_v)
+    return RadialMesh(chosen, shifts[0] if shifts else np.inf)

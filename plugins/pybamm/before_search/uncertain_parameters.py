@@ -30,8 +30,6 @@ thickness through the capacity and the electrolyte's resistance, all of which ar
 UNKNOWN_SOC = 0.9
 """State of charge at which a record is taken to start where nothing tells it."""
 
-_ELECTROLYTE = "Electrolyte"
-
 _CAPACITY = (
     "Negative electrode active material volume fraction factor",
     "Positive electrode active material volume fraction factor",
@@ -41,7 +39,7 @@ _CAPACITY = (
 PRESETS: dict[str, dict[str, tuple[float, float, float]]] = {
     "all": _SPREADS,
     "capacity": {name: _SPREADS[name] for name in _CAPACITY},
-    "particles": {name: spread for name, spread in _SPREADS.items() if not name.startswith(_ELECTROLYTE)},
+    "particles": {name: spread for name, spread in _SPREADS.items() if not name.startswith("Electrolyte")},
     "measured": {name: (0.5 * spread, lower, upper) for name, (spread, lower, upper) in _SPREADS.items()},
     "unchanged": {name: (0.1 * spread, lower, upper) for name, (spread, lower, upper) in _SPREADS.items()},
 }
@@ -68,9 +66,8 @@ def uncertain_parameters(
 ) -> ParameterSpace:
     """What the base fit moves: factors of 1, each record's initial charge, and what rounding hides of its current.
 
-    ``soc`` is, by record, where the search for its initial state of
-    charge starts; 0.9 for those not named. ``spreads`` are the deviation of the logarithm, lower and upper bound of
-    each factor; the nine defaults if left out.
+    ``soc`` is, by record, where the search for its initial state of charge starts; 0.9 for those not named.
+    ``spreads`` are the deviation of the logarithm, lower and upper bound of each factor; the nine defaults if left out.
     """
     factors = [
         Parameter(

@@ -28,11 +28,6 @@ def unusual_rates(base: ParameterSource) -> dict[str, float]:
     Of each the factor that gives the nearest rate of the others. What a diffusivity or an exchange-current density does
     to a voltage depends on the size and the capacity of the particles too. Compared are the inverse times ``D / R^2``
     and ``3 j0 / (R F c_max)`` at half of the lithium, 1/s.
-
-    Parameters
-    ----------
-    base : str or ParameterFile
-        The set.
     """
     values = load(base)
     factors = {name: _factor(name, rate(values)) for name, rate in _RATES.items()}

@@ -22,7 +22,6 @@ from ..solving.driven_cell import FINE
 from .calibrated_script import filled, parameter_values_json
 from .quoted_effects import quoted
 
-_TEMPLATE = "augmented_model.py.j2"
 _LONGEST = 4000
 """Samples of a record that the script carries at most."""
 
@@ -47,29 +46,26 @@ def augmented_script(
     state = InitialState(load(cell.parameter_set, cell.overrides))
     change = change_of(targets, candidate)
     records = []
-    for measured_record in measured_records:
-        offset = change.current_offset.get(measured_record.name, 0.0)
-        drive = offset_by(current_function(measured_record.record), offset)
-        start = state.concentrations(change, change.soc_of(measured_record.name))
-        kept = evenly(len(measured_record.record.time), _LONGEST)
+    for one in measured_records:
+        drive = offset_by(current_function(one.record), change.current_offset.get(one.name, 0.0))
+        start = state.concentrations(change, change.soc_of(one.name))
+        kept = evenly(len(one.record.time), _LONGEST)
         records.append(
             {
-                "name": shown(measured_record.name),
-                "ambient_k": measured_record.ambient_k,
-                "initial_k": measured_record.ambient_k
-                if measured_record.initial_k is None
-                else measured_record.initial_k,
+                "name": shown(one.name),
+                "ambient_k": one.ambient_k,
+                "initial_k": one.ambient_k if one.initial_k is None else one.initial_k,
                 "negative": start[initial_concentration("Negative")],
                 "positive": start[initial_concentration("Positive")],
                 "time": [round(float(t), 4) for t in drive.time],
                 "current": [round(float(i), 8) for i in drive.current],
                 "stops": [round(float(t), 4) for t in drive.stops],
-                "sample": [round(float(t), 4) for t in after_jumps(measured_record.record)[kept]],
-                "measured": [round(float(v), 5) for v in measured_record.record.voltage[kept]],
+                "sample": [round(float(t), 4) for t in after_jumps(one.record)[kept]],
+                "measured": [round(float(v), 5) for v in one.record.voltage[kept]],
             }
         )
     return filled(
-        _TEMPLATE,
+        "augmented_model.py.j2",
         _literal,
         version=pybamm.__version__,
         fill_from=FILL_FROM,

@@ -80,7 +80,7 @@ def to_bpx(cell: CellModel, change: CellChange, experiment: Experiment, title: s
     start = start_of(experiment)
     start.set_temperatures(values)
     writer = _Writer(values, change.cyclable_lithium, {*cell.overrides, *change.values, *change.factors})
-    content, left_out = writer.written(cell, start.moved(change))
+    content = writer.written(cell, start.moved(change))
     content["Header"]["Title"] = title
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -90,7 +90,7 @@ def to_bpx(cell: CellModel, change: CellChange, experiment: Experiment, title: s
             raise BsaError(
                 f"bpx refuses the file: {' '.join(str(error).split())[:300]}.", "export the parameter values instead."
             ) from None
-    return BpxExport(content, left_out)
+    return BpxExport(content, tuple(writer.left_out))
 
 
 class _Writer:
@@ -105,13 +105,10 @@ class _Writer:
         self._read = {*map(initial_concentration, ELECTRODES), *_AT_REST}  # names of what the file is made of
         self._kelvin = self._number("Ambient temperature [K]")
         self._salt = self._number("Initial concentration in electrolyte [mol.m-3]")
-        self._left_out: list[str] = []
+        self.left_out: list[str] = []  # What the file cannot say.
 
-    def written(self, cell: CellModel, start: Start) -> tuple[dict[str, Any], tuple[str, ...]]:
-        """The file, and what it cannot say.
-
-        A cell starts at a state of charge, else at an open-circuit voltage (V), else as its set does.
-        """
+    def written(self, cell: CellModel, start: Start) -> dict[str, Any]:
+        """The file; a cell starts at a state of charge, else at an open-circuit voltage (V), else as its set does."""
         state = InitialState(self._values)
         lithium = CellChange(cyclable_lithium=self._lithium)
         empty, full = (state.concentrations(lithium, at) for at in (0.0, 1.0))
@@ -139,14 +136,14 @@ class _Writer:
         }
         beyond = [f"{name}={value}" for name, value in cell.options.items() if name not in _OUTSIDE and value != "none"]
         if cell.effects:
-            self._left_out.append(f"BPX has no effects beside its equations; the fit had {', '.join(cell.effects)}.")
+            self.left_out.append(f"BPX has no effects beside its equations; the fit had {', '.join(cell.effects)}.")
         if beyond:
-            self._left_out.append(f"BPX has no model options; the fit used {', '.join(beyond)}.")
+            self.left_out.append(f"BPX has no model options; the fit used {', '.join(beyond)}.")
         self._mention_heat(cell.options.get("thermal", "isothermal"))
         if self._number("Number of cells connected in series to make a battery") != 1:
-            self._left_out.append("BPX describes a single cell; cells in series are not in the file.")
+            self.left_out.append("BPX describes a single cell; cells in series are not in the file.")
         if cell.model not in ("DFN", "SPMe"):
-            self._left_out.append(
+            self.left_out.append(
                 f"the cell was fitted with {cell.model}; the file has the parameters of a DFN, whose voltage differs."
             )
         initial = {
@@ -155,12 +152,11 @@ class _Writer:
             "Initial electrolyte concentration [mol.m-3]": self._salt,
         }
         parts["User-defined"].update(self._without_a_field())  # when all else has been read
-        content = {
+        return {
             "Header": {"BPX": VERSION, "Title": "", "Model": "SPMe" if cell.model == "SPMe" else "DFN"},
             "Parameterisation": parts,
             "State": {"Initial conditions": initial, "Thermal environment": surroundings},
         }
-        return content, tuple(self._left_out)
 
     def _own(self, name: str) -> Any:
         self._read.add(name)
@@ -182,14 +178,14 @@ class _Writer:
         for name in lacking:
             kept = "in the user-defined section, which not every program reads"
             where = kept if name in numbers else "not in the file"
-            self._left_out.append(f'BPX has no field for "{shown(name, 120)}": it is {where}.')
+            self.left_out.append(f'BPX has no field for "{shown(name, 120)}": it is {where}.')
         return numbers
 
     def _within_limits(self, soc: float) -> float:
         """The state of charge at the start, from 0 to 1 as BPX has it; a clear change is mentioned."""
         kept = float(np.clip(soc, 0.0, 1.0))
         if abs(soc - kept) > _BEYOND:
-            self._left_out.append(
+            self.left_out.append(
                 f"The record starts at a state of charge of {100 * soc:.1f} %; BPX has 0 to 100 %, and the file starts "
                 f"at {100 * kept:.0f} %."
             )
@@ -198,7 +194,7 @@ class _Writer:
     def _mention_heat(self, thermal: str) -> None:
         """Say what of the heat balance of a thermal model is otherwise in the file."""
         if thermal not in ("isothermal", "lumped"):
-            self._left_out.append(
+            self.left_out.append(
                 "Heat capacities and conductivities of the layers are not in the file: BPX has one heat capacity for "
                 "the cell."
             )
@@ -206,7 +202,7 @@ class _Writer:
             return
         cold, warm = (self._heat_capacity(kelvin) for kelvin in (self._kelvin, self._kelvin + _WARMER_K))
         if abs(warm / cold - 1.0) > _SAME:
-            self._left_out.append(
+            self.left_out.append(
                 f"The heat capacity is a number in BPX: that at {self._kelvin:g} K; {_WARMER_K:g} K above, the "
                 f"cell's own is {100 * abs(warm / cold - 1.0):.2g} % {'larger' if warm > cold else 'smaller'}."
             )
@@ -245,7 +241,7 @@ class _Writer:
         if abs(factor - 1.0) > _SAME:
             # Voltages of small salt gradients go with (1 - t)^2 and with the factor.
             transference = 1.0 - (1.0 - transference) * factor**0.5
-            self._left_out.append(
+            self.left_out.append(
                 f"BPX has no thermodynamic factor ({factor:.4g} at the initial concentration): a cation transference "
                 f"number of {transference:.4g} gives small salt gradients the same voltage."
             )
@@ -262,7 +258,7 @@ class _Writer:
         course = self._course(name, _CONCENTRATIONS)
         at_start = float(self._course(name, np.array([self._salt]))[0])
         if np.ptp(course) > _SAME * abs(at_start):
-            self._left_out.append(f"{name} is a number in BPX: {at_start:.4g} in place of the set's own course.")
+            self.left_out.append(f"{name} is a number in BPX: {at_start:.4g} in place of the set's own course.")
         return at_start
 
     def _layer(self, name: str) -> dict[str, float]:
@@ -318,7 +314,7 @@ class _Writer:
         rate = float(found[1, len(share) // 2] / form[1, len(share) // 2])
         off = float(np.max(np.abs(found / (rate * form) - 1.0)))
         if off > _SAME:
-            self._left_out.append(
+            self.left_out.append(
                 f"The exchange-current density of the {side.lower()} electrode has not the form that BPX prescribes: "
                 f"met at half lithiation, it is up to {100 * off:.0f} % off elsewhere."
             )

@@ -26,8 +26,6 @@ from ..solving import compiled, driven_cell
 from ..solving.spectrum_experiment import DOUBLE_LAYERS
 from .quoted_effects import quoted
 
-_TEMPLATE = "best_parameters.py.j2"
-
 _BRACKETS = {dict: ("{", "}"), list: ("[", "]"), tuple: ("(", ")")}
 _LINE = 80
 
@@ -50,10 +48,8 @@ def script(
     cell = augmented_cell(task.cell, effects)
     from_file = isinstance(task.cell.parameter_set, ParameterFile)
     tables: dict[str, str] = {}
-    cut_offs: dict[str, float] = {}
-    drive.widen_cut_offs(cut_offs)
     return filled(
-        _TEMPLATE,
+        "best_parameters.py.j2",
         literal,
         pybamm_version=pybamm.__version__,
         fill_from=FILL_FROM,
@@ -83,7 +79,7 @@ def script(
         rtol=REFERENCE.rtol,
         atol=REFERENCE.atol,
         max_solver_steps=max(compiled.MAX_STEPS, driven_cell.MAX_STEPS),
-        cut_offs=cut_offs,
+        cut_offs=drive.WIDE_CUT_OFFS,
     )
 
 
@@ -149,10 +145,11 @@ def _record(
     cell: CellModel, experiment: Experiment, change: CellChange, tables: dict[str, str], soc: float | None
 ) -> dict[str, Any]:
     """How one experiment is simulated; current profiles go into ``tables``."""
+    ambient_k, initial_k = experiment.temperature_k, experiment.initial_temperature_k
     content: dict[str, Any] = {
         "name": experiment.name,
-        "temperature_k": None if experiment.temperature_k is None else float(experiment.temperature_k),
-        **_initial_temperature(experiment),
+        "temperature_k": None if ambient_k is None else float(ambient_k),
+        **({} if initial_k is None else {"initial_temperature_k": float(initial_k)}),
         "initial_soc": None if soc is None else float(soc),
         "initial_concentrations": _initial_concentrations(cell, change, soc),
     }
@@ -164,11 +161,6 @@ def _record(
     pieces = [drive.offset_by(piece, offset) for piece in drive.pieces_of(experiment.target)]
     currents = [_current(piece, tables) for piece in pieces]
     return {**content, "currents": currents, "dt_max": _longest_solver_step(pieces)}
-
-
-def _initial_temperature(experiment: Experiment) -> dict[str, float]:
-    initial = experiment.initial_temperature_k
-    return {} if initial is None else {"initial_temperature_k": float(initial)}
 
 
 def _initial_concentrations(cell: CellModel, change: CellChange, soc: float | None) -> dict[str, float]:

@@ -15,13 +15,14 @@ def quoted(number: int, effect: Effect, candidate: Candidate) -> dict[str, Any]:
     """An effect as source text: its functions are quoted as they stand, under names of their own."""
     part = part_of(effect)
     measurement = effect.measurement
-    functions = {
+    functions: dict[str, Callable[..., Any] | None] = {
         "values": part.values,
         "voltage": part.voltage,
         "current": part.current,
-        "clock": measurement.clock if measurement else None,
-        "meter": measurement.voltage if measurement else None,
     }
+    if measurement is not None:
+        functions |= {"clock": measurement.clock, "meter": measurement.voltage}
+    given = {kind: function for kind, function in functions.items() if function is not None}
     return {
         "title": effect.title,
         "equation": effect.equation,
@@ -29,10 +30,8 @@ def quoted(number: int, effect: Effect, candidate: Candidate) -> dict[str, Any]:
         "p": effect.values(candidate),
         "borrowed": dict(part.borrowed),
         "points": dict(part.points),
-        "source": "\n\n\n".join(
-            _source(function, f"{kind}_{number}") for kind, function in functions.items() if function is not None
-        ),
-        "calls": {kind: f"{kind}_{number}" for kind, function in functions.items() if function is not None},
+        "source": "\n\n\n".join(_source(function, f"{kind}_{number}") for kind, function in given.items()),
+        "calls": {kind: f"{kind}_{number}" for kind in given},
     }
 
 

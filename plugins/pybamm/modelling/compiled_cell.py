@@ -146,7 +146,7 @@ class CompiledCell:
     def _add_effects(self, values: Any, measured: drive.CurrentFunction | None) -> None:
         current: Any = None
         if measured is not None:
-            drive.widen_cut_offs(values)
+            values.update(drive.WIDE_CUT_OFFS)
             current = drive.interpolant(measured)
             current = current + pybamm.InputParameter(OFFSET) * pybamm.sign(current) ** 2
         for effect in self._effects:

@@ -25,6 +25,9 @@ EMPTY_V, FULL_V = 0.5, 6.0
 """Voltages at which a simulated cell is empty or overfull until a measured current changes, in place of the set's
 cut-offs."""
 
+WIDE_CUT_OFFS = dict(zip(CUT_OFFS, (EMPTY_V, FULL_V), strict=True))
+"""They let a measured current run its course: a voltage event would end it before the record does."""
+
 _BEYOND_V = 0.5
 """How far beyond its cut-offs and the measured voltages a simulated voltage is shown, at most: enough for it to be
 the largest error of its record."""
@@ -101,11 +104,6 @@ def shown_range(window_v: tuple[float, float], measured_v: FloatArray) -> tuple[
     """
     lowest, highest = window_v
     return min(lowest, float(np.min(measured_v))) - _BEYOND_V, max(highest, float(np.max(measured_v))) + _BEYOND_V
-
-
-def widen_cut_offs(values: Any) -> None:
-    """Let a measured current run its course: a voltage event would end it before the record does."""
-    values.update(dict(zip(CUT_OFFS, (EMPTY_V, FULL_V), strict=True)))
 
 
 class _Table(pybamm.Interpolant):  # type: ignore[misc]

@@ -62,15 +62,10 @@ def compiler() -> str | None:
 
 
 class MachineCode:
-    """Some functions of a model, interpreted at first, later as machine code.
+    """Some functions of a model, as CasADi serialises them; interpreted at first, later as machine code.
 
     Compiling begins once machine code would have saved what compiling takes: so all takes at most a quarter longer than
     the better choice would have, however many simulations follow.
-
-    Parameters
-    ----------
-    functions : sequence of str
-        The functions, as CasADi serialises them.
     """
 
     def __init__(self, functions: Sequence[str]) -> None:

@@ -50,12 +50,10 @@ class SymbolicExponential1DSubMesh(pybamm.SymbolicUniform1DSubMesh):  # type: ig
 class SymbolicFiniteVolume(pybamm.FiniteVolume):  # type: ignore[misc]
     """Finite volumes with correct arithmetic means on symbolic meshes.
 
-    ``pybamm.FiniteVolume`` weights an arithmetic mean from nodes to edges by
-    ``submesh.d_edges``. A mesh combined from symbolic submeshes has edges in local
-    coordinates, ``0..1, ..1, ..1``, so the first cell of each later submesh gets the
-    width ``h - 1`` and both edges of that cell get values of the wrong place. The
-    conductivity in the electrolyte current is one such mean. Here the weights come
-    from the physical widths, so they follow geometry inputs.
+    ``pybamm.FiniteVolume`` weights an arithmetic mean from nodes to edges by ``submesh.d_edges``. A mesh combined from
+    symbolic submeshes has edges in local coordinates, ``0..1, ..1, ..1``, so the first cell of each later submesh gets
+    the width ``h - 1`` and both edges of that cell get values of the wrong place. The conductivity in the electrolyte
+    current is one such mean. Here the weights come from the physical widths, so they follow geometry inputs.
     """
 
     def shift(

@@ -25,7 +25,7 @@ _KEPT = 80
 _RECENT = 12
 """Solved curves that are kept: every effect that is absent asks for the base model's again."""
 
-_LOW_FIDELITY = {"DFN": "SPMe"}
+CHEAPER = {"DFN": "SPMe"}
 """The cheaper model beside a base model: a simulation takes a fifth of the time. Beside SPMe there is SPM only, which
 has no electrolyte."""
 
@@ -57,12 +57,12 @@ class EffectSimulator:
         together: Sequence[MeasuredRecord] = (),
     ) -> None:
         self._together = tuple(record for record in together if not _varies(record))
-        self.has_low_fidelity = has_low_fidelity(cell)
-        self._cells = {False: cell, True: replace(cell, model=_LOW_FIDELITY.get(cell.model, cell.model))}
+        self.has_low_fidelity = cell.model in CHEAPER
+        self._cells = {False: cell, True: replace(cell, model=CHEAPER.get(cell.model, cell.model))}
         self._targets = dict(targets)
         self._resolutions = {False: usual, True: fine}
         self._compiled: OrderedDict[_Key, DrivenCell | None] = OrderedDict()
-        self._records: list[MeasuredRecord] = []
+        self._records: dict[int, MeasuredRecord] = {}
         self._recent: OrderedDict[Any, Response | None] = OrderedDict()
         self.simulations = 0
         self.refused: dict[str, str] = {}
@@ -95,8 +95,7 @@ class EffectSimulator:
     def _driven(self, request: Request) -> DrivenCell | None:
         effects, measured_record = request.effects, request.measured_record
         # The record itself is kept, so that its identity stays its own.
-        if not any(measured_record is known for known in self._records):
-            self._records.append(measured_record)
+        self._records[id(measured_record)] = measured_record
         key = _key(request, measured_record)
         if key in self._compiled:
             self._compiled.move_to_end(key)
@@ -143,11 +142,6 @@ class EffectSimulator:
 
 def _key(request: Request, record: MeasuredRecord) -> _Key:
     return tuple(effect.key for effect in request.effects), id(record), request.fine, request.low_fidelity
-
-
-def has_low_fidelity(cell: CellModel) -> bool:
-    """Whether there is a cheaper model beside a cell's."""
-    return cell.model in _LOW_FIDELITY
 
 
 def _varies(measured_record: MeasuredRecord) -> bool:

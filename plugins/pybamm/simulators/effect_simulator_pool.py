@@ -12,7 +12,7 @@ from ....core.contracts.requests import MeasuredRecord, Prediction, Request
 from ....core.target import Target
 from ....core.task import CellModel
 from ..modelling.resolution import Resolution
-from .effect_simulator import EffectSimulator, has_low_fidelity
+from .effect_simulator import CHEAPER, EffectSimulator
 from .request_pool import RequestPool, RequestService
 
 _TIME_LIMIT_S = 120.0
@@ -59,7 +59,7 @@ class EffectSimulatorPool(RequestPool[Request, Prediction]):
         files = [self._file(record) for record in together]
         make = partial(_simulator, cell, dict(targets), usual, fine, files)
         super().__init__(EffectService(make), workers, _TIME_LIMIT_S)
-        self.has_low_fidelity = has_low_fidelity(cell)
+        self.has_low_fidelity = cell.model in CHEAPER
 
     def _job(self, request: Request) -> Any:
         files: dict[str, Any] = {name: self._file(getattr(request, name)) for name in _LARGE}

@@ -10,7 +10,7 @@ from ....core.errors import BsaError
 from ....core.hooks import RunContext, hookimpl
 from ....core.parameters import Candidate
 from ....core.simulation import Outcome
-from ....core.target import InitialSoc
+from ....core.target import InitialSoc, Target
 from ....core.task import Experiment, Protocol
 from ....core.task_reduction import TaskReduction
 from ..modelling.resolution import FINE, LOW_FIDELITY, REFERENCE, SEARCH
@@ -50,16 +50,17 @@ class PyBaMMSimulator:
                 "name the task's own simulator: a scaffold's key simulator, or --set simulator.use=NAME.",
             )
         self._task = task
-        self._options, self._workers, self._cycled = options, context.workers, context.cycled
+        self._options, self._context = options, context
         self._reduced: dict[TaskReduction, tuple[Experiment, ...]] = {}
         self._variant: tuple[tuple[Experiment, ...], WorkerPool] | None = None
         self._equilibrium: EquilibriumCell | None = None
-        self._pool = WorkerPool(
-            CandidateService(task.cell, task.experiments, task.space.targets),
-            context.workers,
-            self._limit_s(task.experiments),
-            context.cycled,
-        )
+        self._pool = self._pool_of(task.experiments, task.space.targets)
+
+    def _pool_of(self, experiments: tuple[Experiment, ...], targets: Mapping[str, Target]) -> WorkerPool:
+        """Processes that keep these experiments compiled."""
+        limit_s = self._limit_s(experiments) * max(1.0, len(experiments) / len(self._task.experiments))
+        service = CandidateService(self._task.cell, experiments, targets)
+        return WorkerPool(service, self._context.workers, limit_s, self._context.cycled)
 
     def _limit_s(self, experiments: Sequence[Experiment]) -> float:
         cycles = max(len(experiment.protocol or ()) for experiment in experiments)
@@ -96,7 +97,7 @@ class PyBaMMSimulator:
         return self._variant_pool(experiments).simulate(candidates, REFERENCE if exact else SEARCH)
 
     def _variant_pool(self, experiments: tuple[Experiment, ...]) -> WorkerPool:
-        """Processes that keep these experiments compiled; one set at a time, for each process takes 300 MB."""
+        """Those of other experiments; one set at a time, for each process takes 300 MB."""
         if self._variant is not None and self._variant[0] is experiments:
             return self._variant[1]
         if self._variant is not None:
@@ -105,9 +106,7 @@ class PyBaMMSimulator:
         targets = self._task.space.targets
         if not any(experiment.name in own for experiment in experiments):
             targets = {name: target for name, target in targets.items() if not isinstance(target, InitialSoc)}
-        limit_s = self._limit_s(experiments) * max(1.0, len(experiments) / len(self._task.experiments))
-        service = CandidateService(self._task.cell, experiments, targets)
-        self._variant = experiments, WorkerPool(service, self._workers, limit_s, self._cycled)
+        self._variant = experiments, self._pool_of(experiments, targets)
         return self._variant[1]
 
     @hookimpl

@@ -26,9 +26,7 @@ MAX_STEPS = 20_000
 class CompiledExperiment:
     """A protocol, ready to be simulated for many candidates without a rebuild.
 
-    ``targets`` are what is searched, by the names that candidates use, and ``effects`` what is added to the model: the
-    parameters of both become inputs. ``baked`` are values built into the model, which geometry on the standard mesh
-    needs.
+    The arguments are those of `CompiledCell`.
     """
 
     def __init__(

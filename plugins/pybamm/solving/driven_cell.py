@@ -108,23 +108,10 @@ class Response:
 class DrivenCell:
     """One record on one cell model, with or without effects.
 
-    Parameters
-    ----------
-    record : Trajectory
-        Supplies the current; cut into steps.
-    targets : mapping of str to Target
-        What a candidate sets of the base parameters, by the names that it uses.
-    start : Start, optional
-        The temperatures, and where the record begins for `follow`; left out, those of the parameter set.
-    others : sequence of Trajectory
-        Further records whose currents the compiled cell can follow; see `on_other`.
-    any_start : bool
-        Whether `solve` is told a state of charge at each call.
-
-    Attributes
-    ----------
-    heats : bool
-        Whether the temperature changes.
+    ``record``, cut into steps, supplies the current; `on_other` follows those of ``others``. ``targets`` are what a
+    candidate sets of the base parameters, by the names that it uses. ``start`` gives the temperatures, and where the
+    record begins for `follow`; left out, those of the parameter set. With ``any_start``, `solve` may be told any state
+    of charge.
     """
 
     def __init__(
@@ -145,7 +132,7 @@ class DrivenCell:
         joined, self._delays = one_after_another(self._drives)
         self._cell = CompiledCell(cell, targets, start or Start(), resolution, baked, effects, joined, any_start)
         self._drive_by(0)
-        self.heats = self._cell.heats
+        self.heats = self._cell.heats  # Whether the temperature changes.
         self._model = self._cell.built_model()
         # A near-singular candidate can take minutes without progress and fill the memory with its steps: it has failed.
         options: dict[str, Any] = {
@@ -187,25 +174,12 @@ class DrivenCell:
         soc: float | None = None,
         offset: float = 0.0,
     ) -> Response | None:
-        """Simulate one candidate as the instruments show it.
+        """Simulate one candidate as the instruments show it; None if the simulation failed.
 
-        Parameters
-        ----------
-        candidate : Candidate
-            A value for every searched parameter and for the effects' parameters.
-        times : ndarray of shape (n,)
-            When the voltage is wanted, on the record's clock, s, never decreasing.
-        current : ndarray of shape (n,)
-            The measured current then, for effects of the instrument, A.
-        soc : float or None
-            State of charge at the start, 0 to 1; None keeps the set's own.
-        offset : float
-            What is added to the measured current, A.
-
-        Returns
-        -------
-        Response or None
-            With the voltage that the instrument writes down; None if the simulation failed.
+        The candidate has a value for every searched parameter and for the effects' parameters. ``times``, s on the
+        record's clock, never decrease; ``current`` is what was measured then, A, for effects of the instrument. Both
+        have the shape (n,). ``soc`` is the state of charge at the start, 0 to 1 (None keeps the set's own), and
+        ``offset`` is added to the measured current, A.
         """
         wanted = times
         for effect in self._effects:

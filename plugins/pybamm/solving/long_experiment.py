@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,7 @@ from ....core.parameters import Candidate
 from ....core.protocol_text import runs_of
 from ....core.simulation import ExperimentRun, SimulationFailure
 from ....core.target import CellChange, Target
-from ....core.task import CellModel, Experiment
+from ....core.task import CellModel, Experiment, Protocol
 from ....core.trajectory import FloatArray, Trajectory
 from ..cells.parameter_sets import pybamm
 from ..modelling.compiled_cell import SOLVER_ERRORS, first_line
@@ -70,14 +69,11 @@ class LongExperiment:
     ) -> None:
         assert experiment.protocol is not None
         self._kept = frozenset(experiment.detailed_cycles)
-        self._counts = [count for count, _ in runs_of(experiment.protocol)]
-        repeats = [min(count, _COMPILED_REPEATS) for count in self._counts]
-        short = tuple(
-            cycle
-            for repeat, (_, cycle) in zip(repeats, runs_of(experiment.protocol), strict=True)
-            for _ in range(repeat)
-        )
-        self._places = [0, *accumulate(repeats)]
+        self._runs: list[tuple[int, int]] = []  # Place of a cycle among the compiled ones, and how many are like it.
+        short: Protocol = ()
+        for count, cycle in runs_of(experiment.protocol):
+            self._runs.append((len(short), count))
+            short += (cycle,) * min(count, _COMPILED_REPEATS)
         self._tolerance = TOLERANCE if leave_out else None
         self._delay_s = resistance_delay_s(experiment.target)
         self._compiled = CompiledExperiment(
@@ -95,7 +91,7 @@ class LongExperiment:
         runner = CycleRunner(_restated, pybamm.EmptySolution(), self._tolerance)
         number = 1
         try:
-            for place, count in zip(self._places, self._counts, strict=False):
+            for place, count in self._runs:
                 steps = _Steps(self._compiled, place, inputs, on_step, self._delay_s)
                 for cycle in runner.run(steps.simulate, number, number + count - 1, self._kept):
                     life.add(cycle)

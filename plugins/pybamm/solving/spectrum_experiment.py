@@ -49,12 +49,8 @@ class SpectrumExperiment:
             inputs = self._cell.inputs(candidate)
             found = self._simulation.solve(self._record.values(FREQUENCY.name), inputs=inputs)
         except (*SOLVER_ERRORS, pybamm.ModelError) as error:
-            return _failed(first_line(error))
+            return ExperimentRun(None, SimulationFailure(first_line(error)))
         impedance = np.asarray(found["Impedance [Ohm]"], dtype=np.complex128)
         if not np.all(np.isfinite(impedance)):
-            return _failed("the impedance is no finite number")
+            return ExperimentRun(None, SimulationFailure("the impedance is no finite number"))
         return ExperimentRun(self._record.changed(**parts_of(impedance)))
-
-
-def _failed(cause: str) -> ExperimentRun:
-    return ExperimentRun(None, SimulationFailure(cause))

@@ -87,10 +87,5 @@ def to_trajectory(
         count += len(time)
     # A step starts an instant after the last one ends; the stamps may differ by rounding only.
     stamps = np.maximum.accumulate(np.concatenate(times))
-    return Trajectory(
-        stamps - stamps[0],
-        np.concatenate(signals[_CURRENT]),
-        np.concatenate(signals[_VOLTAGE]),
-        np.concatenate(signals[_TEMPERATURE]) if with_temperature else None,
-        tuple(steps),
-    )
+    joined = {name: np.concatenate(signal) for name, signal in signals.items()}
+    return Trajectory(stamps - stamps[0], joined[_CURRENT], joined[_VOLTAGE], joined.get(_TEMPERATURE), tuple(steps))
