@@ -115,10 +115,9 @@ _NO_SIGNALS = ("time", "steps", "cycle_table", "inserted")
 
 def encode_trajectory(trajectory: Trajectory) -> Json:
     """A trajectory with its steps."""
-    signals = {name: encode_array(values) for name, values in trajectory.signals.items()}
     record: Json = {
         "time": encode_array(trajectory.time),
-        **signals,
+        **{name: encode_array(values) for name, values in trajectory.signals.items()},
         "steps": [asdict(step) for step in trajectory.steps],
     }
     table = trajectory.cycle_table
@@ -216,17 +215,8 @@ def _encode_experiment(experiment: Experiment) -> Json:
 
 
 def _decode_experiment(known: _ExperimentRecord) -> Experiment:
-    return Experiment(
-        known.name,
-        decode_trajectory(known.target),
-        None if known.protocol is None else read_protocol(known.protocol),
-        known.scored_cycle,
-        known.temperature_k,
-        known.initial_soc,
-        known.initial_voltage,
-        known.detailed_cycles,
-        known.initial_temperature_k,
-    )
+    protocol = None if known.protocol is None else read_protocol(known.protocol)
+    return Experiment(**{**vars(known), "target": decode_trajectory(known.target), "protocol": protocol})
 
 
 def _encode_domain(task: Task) -> Json:
@@ -238,31 +228,19 @@ def _encode_domain(task: Task) -> Json:
     return record
 
 
-def _decode_domain(content: Mapping[str, Any] | None) -> Domain:
-    if content is None:
-        return CELL
-    domain: Domain = shaped(Domain, content)
-    return domain
-
-
 def decode_task(record: Mapping[str, Any]) -> Task:
     """The inverse of `encode_task`.
 
     Raises `ValueError`, `LookupError`, `TypeError` or `BsaError` if the record is of another shape.
     """
     known: _TaskRecord = shaped(_TaskRecord, record)
-    return Task(
-        known.name,
-        known.cell,
-        ParameterSpace(tuple(decode_parameter(parameter) for parameter in known.space)),
-        tuple(_decode_experiment(experiment) for experiment in known.experiments),
-        known.notes,
-        domain=_decode_domain(known.domain),
-        signals=known.signals,
-        simulator=known.simulator,
-        held_out=tuple(_decode_experiment(experiment) for experiment in known.held_out),
-        weight=known.weight,
-    )
+    decoded = {
+        "space": ParameterSpace(tuple(decode_parameter(parameter) for parameter in known.space)),
+        "experiments": tuple(_decode_experiment(experiment) for experiment in known.experiments),
+        "domain": CELL if known.domain is None else shaped(Domain, known.domain),
+        "held_out": tuple(_decode_experiment(experiment) for experiment in known.held_out),
+    }
+    return Task(**{**vars(known), **decoded})
 
 
 def encode_trial(trial: Trial, folder: Path) -> Json:
@@ -290,25 +268,19 @@ def decode_trial(record: Mapping[str, Any], folder: Path) -> Trial:
 
     Raises `ValueError`, `LookupError`, `TypeError` or `BsaError` if the record is of another shape.
     """
-    known: TrialRecord = shaped(TrialRecord, record)
-    if any(Path(image).is_absolute() or ".." in Path(image).parts for image in known.images):
+    fields = {**vars(shaped(TrialRecord, record))}
+    images = [Path(image) for image in fields.pop("images")]
+    if any(image.is_absolute() or ".." in image.parts for image in images):
         # It would be shown to a language model.
         raise ValueError("an image outside the run's folder")
-    return Trial(
-        index=known.index,
-        phase=known.phase,
-        round=known.round,
-        candidate=known.candidate,
-        metrics=decode_metrics(known.metrics),
-        failure=known.failure,
-        residuals=None if known.residuals is None else decode_array(known.residuals),
-        feedback=Feedback(known.feedback, tuple(folder / image for image in known.images)),
-        curves=tuple(None if curve is None else decode_trajectory(curve) for curve in known.curves),
-        seconds=known.seconds,
-        reduction=known.reduction,
-        partial=None if known.partial is None else decode_array(known.partial),
-        limits=known.limits,
-    )
+    decoded = {
+        "metrics": decode_metrics(fields["metrics"]),
+        "feedback": Feedback(fields["feedback"], tuple(folder / image for image in images)),
+        "curves": tuple(None if curve is None else decode_trajectory(curve) for curve in fields["curves"]),
+        "residuals": None if fields["residuals"] is None else decode_array(fields["residuals"]),
+        "partial": None if fields["partial"] is None else decode_array(fields["partial"]),
+    }
+    return Trial(**{**fields, **decoded})
 
 
 def encode_outcome(outcome: Outcome) -> Json:
@@ -341,6 +313,4 @@ def decode_outcome(record: Mapping[str, Any]) -> Outcome:
 
 def encode_proposal(proposal: Proposal) -> Json:
     """A proposal; its candidates are in its trials, only their number is kept."""
-    record = asdict(proposal)
-    record["candidates"] = len(proposal.candidates)
-    return record
+    return {**asdict(proposal), "candidates": len(proposal.candidates)}
