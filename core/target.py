@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 INITIAL_SOC = "Initial state of charge"
 """Name of the initial state of charge, of all records together; `soc_name` gives that of one record."""
@@ -183,21 +183,21 @@ class CellChange:
     """What a candidate changes about a cell, sorted by target."""
 
     # Numbers that replace those of the parameter set, by PyBaMM's names.
-    values: Mapping[str, float] = field(default_factory=dict)
+    values: dict[str, float] = field(default_factory=dict)
     # What values and functions of the set are multiplied by, by PyBaMM's names.
-    factors: Mapping[str, float] = field(default_factory=dict)
+    factors: dict[str, float] = field(default_factory=dict)
     cyclable_lithium: float = 1.0  # Multiplies the lithium that both electrodes share.
     # State of charge at which a record starts, by the record's name; under the empty name that of all others.
-    initial_soc: Mapping[str, float] = field(default_factory=dict)
+    initial_soc: dict[str, float] = field(default_factory=dict)
     # What is added to the measured current of a record, A, by its name.
-    current_offset: Mapping[str, float] = field(default_factory=dict)
+    current_offset: dict[str, float] = field(default_factory=dict)
     # Heights of the bumps that are added to open-circuit potentials, V.
-    ocp_shape: Mapping[OcpShape, float] = field(default_factory=dict)
+    ocp_shape: dict[OcpShape, float] = field(default_factory=dict)
     # What diffusivities are multiplied by near a stoichiometry.
-    diffusivity_shape: Mapping[DiffusivityShape, float] = field(default_factory=dict)
-    effects: Mapping[str, float] = field(default_factory=dict)  # Parameters of effects, by their full names.
+    diffusivity_shape: dict[DiffusivityShape, float] = field(default_factory=dict)
+    effects: dict[str, float] = field(default_factory=dict)  # Parameters of effects, by their full names.
     # What is added to the rest voltage at which records start, V, by the rest voltage near which it applies.
-    initial_voltage: Mapping[float | None, float] = field(default_factory=dict)
+    initial_voltage: dict[float | None, float] = field(default_factory=dict)
 
     def soc_of(self, record: str) -> float | None:
         """The state of charge at which a record starts; None where nothing is said of it."""
@@ -220,46 +220,28 @@ def change_of(targets: Mapping[str, Target], candidate: Mapping[str, float]) -> 
 
     ``targets`` are by the parameters' names; values of the candidate under other names are left out.
     """
-    values: dict[str, float] = {}
-    factors: dict[str, float] = {}
-    initial_soc: dict[str, float] = {}
-    initial_voltage: dict[float | None, float] = {}
-    current_offset: dict[str, float] = {}
-    ocp_shape: dict[OcpShape, float] = {}
-    diffusivity_shape: dict[DiffusivityShape, float] = {}
-    effects: dict[str, float] = {}
-    lithium = 1.0
+    change = CellChange()
     for name, target in targets.items():
         if name not in candidate:
             continue
         value = float(candidate[name])
         match target:
             case Value(base):
-                values[base] = value
+                change.values[base] = value
             case Factor(base):
-                factors[base] = value
+                change.factors[base] = value
             case InitialSoc(record):
-                initial_soc[record] = value
+                change.initial_soc[record] = value
             case InitialVoltage(near):
-                initial_voltage[near] = value
+                change.initial_voltage[near] = value
             case CurrentOffset(record):
-                current_offset[record] = value
+                change.current_offset[record] = value
             case CyclableLithium():
-                lithium = value
+                change = replace(change, cyclable_lithium=value)
             case OcpShape():
-                ocp_shape[target] = value
+                change.ocp_shape[target] = value
             case DiffusivityShape():
-                diffusivity_shape[target] = value
+                change.diffusivity_shape[target] = value
             case EffectValue():
-                effects[name] = value
-    return CellChange(
-        values,
-        factors,
-        lithium,
-        initial_soc,
-        current_offset,
-        ocp_shape,
-        diffusivity_shape,
-        effects,
-        initial_voltage,
-    )
+                change.effects[name] = value
+    return change
