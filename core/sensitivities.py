@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +15,8 @@ from .numbers import finite_number
 from .prompt_sections import named, read_table, table
 from .trajectory import FloatArray
 
-Unit = Literal["typical_step"]
+_UNIT = "typical_step"
+"""The change that effects are told for: `Parameter.typical_step`, counted by `Parameter.in_steps`."""
 
 _DIGITS = 3
 """Significant digits of an effect: slopes change more than that on the way to the next candidate."""
@@ -50,8 +51,6 @@ class Sensitivities:
     effects: Mapping[str, Mapping[str, float]]
     learnt_from: str = ""  # Where the effects come from, in words.
     remarks: Mapping[str, Any] = field(default_factory=dict)  # What else is to be told of them, JSON-ready.
-    # The change that the effects are told for: `Parameter.typical_step`, counted by `Parameter.in_steps`.
-    unit: Unit = "typical_step"
     points: Mapping[str, int] = field(default_factory=dict)  # How many simulations moved each parameter.
     # What the effects leave unexplained of those simulations, in percent: 0 where a parameter acts linearly.
     misprediction_pct: Mapping[str, float] = field(default_factory=dict)
@@ -102,7 +101,7 @@ class Sensitivities:
         ]
         return {
             "meaning": _MEANING + (_ABOUT if self.points else ""),
-            "unit": self.unit,
+            "unit": _UNIT,
             "learnt_from": self.learnt_from,
             "effects_on": AS_SHOWN if features and features == list(shown) else features,
             **{key: value for key, value in alike.items() if value is not None},
@@ -126,7 +125,7 @@ class Sensitivities:
         parameters : sequence of str
             The parameters in the order of the prompt's table, by whose numbers rows may go.
         """
-        if not isinstance(content, Mapping) or content.get("unit") != "typical_step":
+        if not isinstance(content, Mapping) or content.get("unit") != _UNIT:
             return cls({})
         columns, rows = read_table(content.get("effects"))
         names = shown if content.get("effects_on") == AS_SHOWN else content.get("effects_on")
