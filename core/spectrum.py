@@ -138,12 +138,10 @@ class SpectrumErrors:
     @property
     def words(self) -> str:
         """``"ohmic 20.9 mohm (measured 21.1), arcs 8.1 (measured 9.2)"``."""
-        arcs = (
-            ""
-            if self.arcs_mohm is None or self.arcs_simulated_mohm is None
-            else f", arcs {self.arcs_simulated_mohm:.1f} (measured {self.arcs_mohm:.1f})"
-        )
-        return f"ohmic {self.ohmic_simulated_mohm:.1f} mohm (measured {self.ohmic_mohm:.1f}){arcs}"
+        words = f"ohmic {self.ohmic_simulated_mohm:.1f} mohm (measured {self.ohmic_mohm:.1f})"
+        if self.arcs_mohm is None or self.arcs_simulated_mohm is None:
+            return words
+        return f"{words}, arcs {self.arcs_simulated_mohm:.1f} (measured {self.arcs_mohm:.1f})"
 
 
 def compare(measured: ImpedanceSpectrum, simulated: ImpedanceSpectrum) -> SpectrumErrors:

@@ -102,16 +102,10 @@ class Trajectory:
 
     Attributes
     ----------
-    time : ndarray of shape (n,)
-        As given.
     signals : mapping of str to ndarray of shape (n,)
         All signals by name, those of a cell included.
-    steps : tuple of Step
-        As given.
-    cycle_table : CycleTable or None
-        As given; a part of the record has none.
-    inserted : ndarray of bool, shape (n,)
-        As given; none otherwise.
+    time, steps, cycle_table, inserted
+        As given. A part of the record has no cycle table; no sample is inserted where nothing is said of it.
     """
 
     time: FloatArray

@@ -89,10 +89,9 @@ def _of_the_kind_meant(found: Sequence[Mapping[str, Any]]) -> list[dict[str, Any
     kept: list[dict[str, Any]] = []
     for one in found:
         place = next((place for place in mappings if one["loc"][: len(place)] == place), None)
-        inside = place is not None and len(one["loc"]) > len(place) + 1
         if place is None:
             kept.append(dict(one))
-        elif inside:
+        elif len(one["loc"]) > len(place) + 1:
             kept.append({**one, "loc": (*place, *one["loc"][len(place) + 1 :])})
     return kept or [dict(one) for one in found]
 
