@@ -2,14 +2,10 @@
 
 import threading
 from collections.abc import Callable
-from typing import Generic, TypeVar
+from concurrent.futures import Future
+from typing import TypeVar
 
 T = TypeVar("T")
-
-
-class _Box(Generic[T]):
-    result: T
-    error: BaseException | None = None
 
 
 def within(seconds: float, call: Callable[[], T]) -> T:
@@ -20,19 +16,17 @@ def within(seconds: float, call: Callable[[], T]) -> T:
 
     Raises `TimeoutError` if there is no result after ``seconds``.
     """
-    box: _Box[T] = _Box()
+    answer: Future[T] = Future()
 
     def work() -> None:
         try:
-            box.result = call()
+            answer.set_result(call())
         except BaseException as error:
-            box.error = error
+            answer.set_exception(error)
 
     thread = threading.Thread(target=work, daemon=True, name="bsa-call")
     thread.start()
     thread.join(seconds)
     if thread.is_alive():
         raise TimeoutError(f"no answer within {seconds:.3g} s")
-    if box.error is not None:
-        raise box.error
-    return box.result
+    return answer.result()
