@@ -1,6 +1,6 @@
 """Shortens a prompt that does not fit into a model's context: memories go first, from the top."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from ..core.messages import Message
@@ -23,14 +23,3 @@ def drop_memory(messages: Sequence[Message], notes: list[str]) -> list[Message]:
             notes.append(f'the section "{heading}" was left out: the context is too small')
             return [*messages[:place], replace(message, text=shorter), *messages[place + 1 :]]
     raise ContextTooSmallError
-
-
-def fit(messages: Sequence[Message], fits: Callable[[Sequence[Message]], bool], notes: list[str]) -> list[Message]:
-    """Drop memories until the conversation fits.
-
-    Raises `ContextTooSmallError` if it does not fit without any memory.
-    """
-    messages = list(messages)
-    while not fits(messages):
-        messages = drop_memory(messages, notes)
-    return messages

@@ -14,7 +14,7 @@ from .images import showable
 from .loaded_model import INSTALL_HINT, LoadedModel, load, release
 from .model_files import model_folder
 from .options import REPLY_TOKENS, BackendOptions
-from .prompt_fitting import ContextTooSmallError, fit
+from .prompt_fitting import ContextTooSmallError, drop_memory
 from .route import NotReady, Route
 from .structured_output import held_by, with_schema_in_prompt
 
@@ -102,23 +102,24 @@ class TransformersBackend:
         context = self._loaded.context_tokens
         wanted = self._options.max_reply_tokens or REPLY_TOKENS
         least = min(wanted, int(context * _LEAST_REPLY_SHARE))
-        try:
-            fitting = fit(messages, lambda tried: self._encode(tried).shape[1] + least <= context, notes)
-        except ContextTooSmallError:
-            length = self._encode(messages).shape[1]
-            raise PromptTooLong(
-                f"the prompt has {length} tokens, but {self._model} has a context of {context}"
-            ) from None
-        prompt = self._encode(fitting)
+        prompt = self._encode(messages)
+        length = prompt.shape[1]
+        while prompt.shape[1] + least > context:
+            try:
+                messages = drop_memory(messages, notes)
+            except ContextTooSmallError:
+                raise PromptTooLong(
+                    f"the prompt has {length} tokens, but {self._model} has a context of {context}"
+                ) from None
+            prompt = self._encode(messages)
         return prompt, min(wanted, context - prompt.shape[1])
 
     def _encode(self, messages: Sequence[Message]) -> Any:
         tokenizer = self._loaded.tokenizer
         if tokenizer.chat_template:
             turns = [{"role": message.role, "content": message.text} for message in messages]
-            extra = (
-                {} if self._options.reasoning_effort is None else {"reasoning_effort": self._options.reasoning_effort}
-            )
+            effort = self._options.reasoning_effort
+            extra = {} if effort is None else {"reasoning_effort": effort}
             text = tokenizer.apply_chat_template(turns, tokenize=False, add_generation_prompt=True, **extra)
             if tokenizer.convert_tokens_to_ids(_HARMONY_CHANNEL) not in (None, tokenizer.unk_token_id):
                 text += _HARMONY_FINAL
@@ -133,10 +134,9 @@ class TransformersBackend:
 
         model = self._loaded.model
         sampling: dict[str, Any] = {}
-        if self._options.temperature is not None:
-            sampling["do_sample"] = self._options.temperature > 0
-            if sampling["do_sample"]:
-                sampling["temperature"] = self._options.temperature
+        temperature = self._options.temperature
+        if temperature is not None:
+            sampling = {"do_sample": True, "temperature": temperature} if temperature > 0 else {"do_sample": False}
         if self._options.timeout_s is not None:
             sampling["max_time"] = self._options.timeout_s
         processors = transformers.LogitsProcessorList([processor] if processor else [])
