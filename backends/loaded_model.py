@@ -180,8 +180,10 @@ def _arguments(name: str, config: Any, quantisation: Quantisation) -> dict[str, 
     elif device == "mps":
         arguments["dtype"] = torch.float16
     else:
+        import psutil
+
         # Most CPUs compute faster in 32 bits; but a model in 16 bits beats one that swaps.
-        wide = weight_bytes(name) * 2 * _HEADROOM < _free_memory_bytes()
+        wide = weight_bytes(name) * 2 * _HEADROOM < psutil.virtual_memory().available
         arguments["dtype"] = torch.float32 if wide else torch.bfloat16
     if _wants_four_bits(name, quantisation, device):
         import transformers
@@ -193,19 +195,9 @@ def _arguments(name: str, config: Any, quantisation: Quantisation) -> dict[str, 
 
 
 def _wants_four_bits(name: str, quantisation: Quantisation, device: str) -> bool:
-    if quantisation == "none":
-        return False
     available = device == "cuda" and find_spec("bitsandbytes") is not None
-    if quantisation == "4bit":
-        if not available:
-            raise BsaError("4-bit weights need a CUDA GPU and bitsandbytes.", "pip install bitsandbytes")
-        return True
-    if not available:
-        return False
-    return weight_bytes(name) * _HEADROOM > GpuMemory.now().free
-
-
-def _free_memory_bytes() -> float:
-    import psutil
-
-    return float(psutil.virtual_memory().available)
+    if quantisation == "4bit" and not available:
+        raise BsaError("4-bit weights need a CUDA GPU and bitsandbytes.", "pip install bitsandbytes")
+    if quantisation == "auto":
+        return available and weight_bytes(name) * _HEADROOM > GpuMemory.now().free
+    return quantisation == "4bit"
