@@ -13,7 +13,6 @@ from .reaching import connection_failure
 from .retrying import UnreachableError
 
 _LOOK_TIMEOUT_S = 0.8
-_KEY_TOLD = {True: "the key", False: "a call without a key"}
 
 
 class Look(NamedTuple):
@@ -22,9 +21,8 @@ class Look(NamedTuple):
     content: Any  # The JSON; None where something is wrong.
     problem: str = ""  # What is wrong.
     remedy: str = ""  # What would change it, where that is not to start the server.
-    unreachable: bool = (
-        False  # Whether no server is there: one that is slow, or lists nothing, may answer all the same.
-    )
+    # Whether no server is there: one that is slow, or lists nothing, may answer all the same.
+    unreachable: bool = False
 
 
 def look(address: str, key_variable: str | None) -> Look:
@@ -42,7 +40,7 @@ def _look_once(address: str, key: str | None, remedy: str, _process: int) -> Loo
     try:
         response = within(_LOOK_TIMEOUT_S, ask)
         if response.status_code in (401, 403):
-            return Look(None, f"does not accept {_KEY_TOLD[key is not None]}", remedy)
+            return Look(None, f"does not accept {'the key' if key else 'a call without a key'}", remedy)
         if response.status_code != 200:
             return Look(None, f"answers with HTTP status {response.status_code}")
         return Look(response.json())

@@ -102,28 +102,20 @@ class ExchangeBackend:
             for message in messages
         ]
         prompt: dict[str, Any] = {"messages": turns, "schema": without_alternatives(schema), "seed": seed}
-        number = self._placed(prompt)
-        self._tell(messages, number)
-        text = self._wait(self._folder / f"reply-{number:03d}.txt", started)
-        return Reply(text, Usage(seconds=time.monotonic() - started), model="manual")
-
-    def _tell(self, messages: Sequence[Message], number: int) -> None:
+        try:
+            with FileLock(self._folder / _LOCK):  # no other process that uses the folder gives the same number
+                number = self._place(prompt)
+        except OSError as error:
+            raise file_error(error, self._folder) from None
         said = messages[-1].text if messages else ""
         refused = f"{one_line(said, 1500)} " if said.startswith(UNUSABLE) else ""
         reply = self._folder / f"reply-{number:03d}.txt"
         line = f"note: {refused}Waiting for {reply}, the reply to prompt-{number:03d}.json."
         print(line, file=sys.stderr, flush=True)
-
-    def _placed(self, prompt: dict[str, Any]) -> int:
-        """The number of the prompt, which no other process that uses the folder gives meanwhile."""
-        try:
-            with FileLock(self._folder / _LOCK):
-                return self._place(prompt)
-        except OSError as error:
-            raise file_error(error, self._folder) from None
+        return Reply(self._wait(reply, started), Usage(seconds=time.monotonic() - started), model="manual")
 
     def _place(self, prompt: dict[str, Any]) -> int:
-        """Write the prompt, unless a run before this one left the very same unanswered or unread."""
+        """The prompt's number; it is written, unless a run before this one left the same unanswered or unread."""
         numbers = sorted(int(path.stem[7:]) for path in self._folder.glob("prompt-*.json") if path.stem[7:].isdigit())
         taken = [int(path.stem[6:]) for path in self._folder.glob("reply-*.txt") if path.stem[6:].isdigit()]
         if numbers and numbers[-1] not in self._mine and self._holds(numbers[-1], prompt):
@@ -131,9 +123,8 @@ class ExchangeBackend:
         else:
             # A reply without a prompt answers something else; its number is passed over.
             number = max([*numbers, *taken], default=0) + 1
-            name = f"prompt-{number:03d}.json"
             content = {"number": number, "reply": f"reply-{number:03d}.txt", **prompt}
-            write_json(self._folder / name, content, indent=1)
+            write_json(self._folder / f"prompt-{number:03d}.json", content, indent=1)
         self._mine.add(number)
         return number
 

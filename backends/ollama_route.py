@@ -102,7 +102,9 @@ class OllamaBackend(ServedBackend):
 
     def ask(self, request: Request, notes: list[str]) -> Answer:
         """See `ServedBackend.ask`."""
-        reply_tokens = self.options.max_reply_tokens or self._usual_reply_tokens
+        # A short context is shared with the prompt.
+        usual = REPLY_TOKENS if self._context_tokens is None else min(REPLY_TOKENS, self._context_tokens // 2)
+        reply_tokens = self.options.max_reply_tokens or usual
         options: dict[str, Any] = {
             "seed": request.seed,
             "num_predict": reply_tokens,
@@ -111,14 +113,13 @@ class OllamaBackend(ServedBackend):
         if self.options.temperature is not None:
             options["temperature"] = self.options.temperature
         form: Any = {"schema": dict(request.schema), "json": "json", "text": None}[request.form]
-        think = self.options.reasoning_effort if self._thinks else None
         try:
             response = self._client(request.timeout_s).chat(
                 model=self._model,
                 messages=[_as_ollama(message) for message in request.messages],
                 format=form,
                 options=options,
-                think=think,
+                think=self.options.reasoning_effort if self._thinks else None,
                 stream=False,
             )
         except Exception as error:
@@ -132,11 +133,6 @@ class OllamaBackend(ServedBackend):
             ),
             cut=response.done_reason == "length",
         )
-
-    @property
-    def _usual_reply_tokens(self) -> int:
-        """Longest reply where none is set: a short context is shared with the prompt."""
-        return REPLY_TOKENS if self._context_tokens is None else min(REPLY_TOKENS, self._context_tokens // 2)
 
     def _context(self, messages: Sequence[Message], reply_tokens: int) -> int:
         """A context that holds prompt and reply: Ollama cuts what does not fit, and says nothing.

@@ -95,7 +95,7 @@ class Persistence:
             # The first attempt is not cut short by the limit, which is on trying again.
             allowed = self._timeout_s if self._attempts == 0 else min(self._timeout_s, self._left_s)
             if allowed <= 0:
-                raise self._failure("the time is up")
+                raise self._given_up(TransientError("the time is up"))
             self._attempts += 1
             try:
                 return attempt(allowed)
@@ -104,7 +104,7 @@ class Persistence:
                 if wait is None:
                     wait = min(_FIRST_WAIT_S * 2 ** (number - 1), _LONGEST_WAIT_S) * self._jitter.uniform(0.5, 1.0)
                 if number >= self._most(failure) or wait >= self._left_s:
-                    raise self._failure(failure.reason, type(failure)) from None
+                    raise self._given_up(failure) from None
                 told = f"attempt {self._attempts}: {failure.reason}; tried again after {wait:.1f} s"
                 self._notes.append(told)
                 self._say(told)
@@ -116,11 +116,11 @@ class Persistence:
             return _MAX_ATTEMPTS_UNREACHED if failure.may_pass else 1
         return _MAX_ATTEMPTS
 
-    def _failure(self, reason: str, after: type[TransientError] = TransientError) -> BackendFailure:
+    def _given_up(self, failure: TransientError) -> BackendFailure:
         tries = counted(self._attempts, "attempt")
-        if issubclass(after, UnreachableError):
-            return BackendUnreachable(f"not reached in {tries}: {reason}")
-        return BackendFailure(f"no reply after {tries}, {self._limit_s:g} s allowed: {reason}")
+        if isinstance(failure, UnreachableError):
+            return BackendUnreachable(f"not reached in {tries}: {failure.reason}")
+        return BackendFailure(f"no reply after {tries}, {self._limit_s:g} s allowed: {failure.reason}")
 
 
 def retry_after(headers: Mapping[str, str] | None) -> float | None:

@@ -30,15 +30,16 @@ class RulesBackend:
         """See `Backend.complete`."""
         started = time.perf_counter()
         properties: dict[str, Any] = dict(schema.get("properties", {}))
+        actions = properties.get("action", {}).get("enum", ())
         if "ranking" in properties:
             answer = rank(messages, int(properties["ranking"].get("maxItems", 1)))
         elif "perturbations" in properties:
             answer = perturbations(read_prompt(messages), int(properties["perturbations"].get("maxItems", 1)))
-        elif "refine" in properties.get("action", {}).get("enum", ()):
+        elif "refine" in actions:
             answer = act(read_prompt(messages))
-        elif properties.get("action", {}).get("enum") == ["jacobian"]:
+        elif actions == ["jacobian"]:
             answer = {"action": "jacobian"}
-        elif "jacobian" in properties.get("action", {}).get("enum", ()):
+        elif "jacobian" in actions:
             answer = act_alone(read_prompt(messages))
         else:
             answer = propose(read_prompt(messages))
