@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from bsa.experiments.campaign.summary import geometric_mean, grouped, mean_of
-from bsa.experiments.campaign.text_tables import Entry, brief, markdown_table, table_of
+from bsa.experiments.campaign.text_tables import Entry, brief, markdown_table, span, table_of
 
 from .results import Results
 
@@ -15,9 +15,7 @@ _PAPER = {"mape": 1.37, "q_mape": 0.51}
 def published_lives(results: Results) -> str:
     """The paper's ageing tasks, each with the largest errors from its starts, and their mean."""
     rows = sorted(results.rows("ageing"), key=lambda row: str(row["task"]))
-    tasks: dict[str, list[dict[str, Any]]] = {}
-    for row in rows:
-        tasks.setdefault(row["task"].partition("-start-")[0], []).append(row)
+    tasks = grouped([{**row, "task": row["task"].partition("-start-")[0]} for row in rows], "task")
     columns: dict[str, Entry] = {
         "task": lambda task: task,
         "total MAPE before": lambda task: f"{_range(tasks[task], 'initial_mape')} %",
@@ -38,9 +36,7 @@ def _largest(rows: Sequence[dict[str, Any]], name: str) -> str:
 
 
 def _range(rows: Sequence[dict[str, Any]], name: str, form: Callable[[float], str] = brief) -> str:
-    """From the smallest to the largest."""
-    values = [row[name] for row in rows]
-    return f"{form(min(values))} to {form(max(values))}"
+    return span([row[name] for row in rows], form)
 
 
 def methods(results: Results, name: str) -> str:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from bsa.experiments.campaign.summary import grouped, mean_of, statistic
-from bsa.experiments.campaign.text_tables import Entry, brief, markdown_table, table_of
+from bsa.experiments.campaign.text_tables import Entry, brief, markdown_table, span, table_of
 
 from .results import Results
 
@@ -49,7 +49,7 @@ def errors_of(rows: Rows) -> str:
     """Smallest, largest and median error of records in words."""
     whole, most = ([row[name] for row in rows] for name in ("rms_mv", "rms_99_mv"))
     median = brief(float(np.median(whole)))
-    return f"{_span(whole)} mV rms, median {median} ({_span(most)} over 99 % of the time)"
+    return f"{span(whole)} mV rms, median {median} ({span(most)} over 99 % of the time)"
 
 
 def _counts(rows: Rows) -> str:
@@ -134,11 +134,6 @@ def _arrow(first: float, second: float) -> str:
     return "" if math.isnan(first) and math.isnan(second) else f"{brief(first)} → {brief(second)}"
 
 
-def _span(values: list[float]) -> str:
-    """The smallest and the largest."""
-    return f"{brief(min(values))} to {brief(max(values))}"
-
-
 def led(results: Results) -> str:
     """What a low-fidelity model that leads changes, over the cells that were fitted with it and without."""
     fits = {
@@ -148,7 +143,7 @@ def led(results: Results) -> str:
     pairs = {cell: (own["none"], own["coarse DFN"]) for cell, own in fits.items() if "coarse DFN" in own}
 
     def share(name: str) -> str:
-        return _span([new[name] / old[name] for old, new in pairs.values()])
+        return span([new[name] / old[name] for old, new in pairs.values()])
 
     def change(name: str) -> str:
         changes = [new[name] - old[name] for old, new in pairs.values()]
@@ -183,7 +178,7 @@ def nearest_potentials(results: Results) -> str:
     least = min(lead, key=lambda record: lead[record])
     words = (
         f"* For {right} of {len(rows)} records the positive electrode that is taken has the cell's own chemistry. The "
-        f"nearest pair leaves {_span(found)} mV, that of the next chemistry {_span([*lead.values()])} mV more "
+        f"nearest pair leaves {span(found)} mV, that of the next chemistry {span([*lead.values()])} mV more "
         f"(least: {least})."
     )
     return results.framed("nearest_potentials", words)

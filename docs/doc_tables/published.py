@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from bsa.experiments.campaign.columns import EARLY
 from bsa.experiments.campaign.summary import grouped, main_table, paper_rows, statistic
-from bsa.experiments.campaign.text_tables import Entry, bold, brief, markdown_table, spread, table_of
+from bsa.experiments.campaign.text_tables import Entry, bold, brief, markdown_table, span, spread, table_of
 
 from .results import Results
 
@@ -65,15 +65,13 @@ def led_and_alone(results: Results) -> str:
         if led_by_it[task]["mape"] > alone[task]["mape"]
     ]
     words = (
-        f"* Time with it by that without it: {brief(min(ratios))} to {brief(max(ratios))}.\n"
-        f"* Larger error with it: {', '.join(behind) or 'none'}."
+        f"* Time with it by that without it: {span(ratios)}.\n* Larger error with it: {', '.join(behind) or 'none'}."
     )
     return results.framed("low_fidelity", table_of(by_method, columns), words)
 
 
 def _range(rows: Mapping[str, Row], name: str, form: Callable[[float], str] = brief) -> str:
-    values = [row[name] for row in rows.values()]
-    return f"{form(min(values))} to {form(max(values))}"
+    return span([row[name] for row in rows.values()], form)
 
 
 def led(results: Results) -> str:
@@ -118,22 +116,19 @@ def summary(results: Results) -> str:
     rows = results.rows("published")
     quick = [row for row in rows if row["chemistry"] != SLOW]
     found, early = statistic(_errors(quick)), [row["early_objective"] for row in quick]
-    far = sorted((row for row in quick if row["mape"] > 1), key=lambda row: -row["mape"])
     simulations, failed = (sum(row[name] for row in quick) for name in ("simulations", "failed_simulations"))
     below, cells = below_the_paper(rows)
     lines = [
         f"* {below} of the {cells} cells are below the best row of the paper's table, Bayesian optimisation included.",
-        f"* All {len(rows)} tasks: median {brief(float(np.median(_errors(rows))))} %; {_under(rows, 0.1)} end below "
-        f"0.1 %.",
+        f"* All {len(rows)} tasks: median {_median(_errors(rows))} %; {_under(rows, 0.1)} end below 0.1 %.",
         f"* The {len(quick)} tasks of the four other base cells: mean {brief(found.mean)} %, median "
-        f"{brief(float(np.median(_errors(quick))))} %, worst {brief(found.worst)} %; {_under(quick, 0.01)} end below "
-        f"0.01 %, "
+        f"{_median(_errors(quick))} %, worst {brief(found.worst)} %; {_under(quick, 0.01)} end below 0.01 %, "
         f"{_under(quick, 0.1)} below 0.1 % (aim: a mean below 0.1 %), with {simulations / len(quick):.0f} "
         f"simulations in the mean.",
-        f"* Above 1 % (aim: none): {', '.join(_named(row) for row in far)}. {failed:.0f} of their {simulations:,.0f} "
+        f"* Above 1 % (aim: none): {', '.join(above_one_percent(quick))}. {failed:.0f} of their {simulations:,.0f} "
         f"simulations failed.",
         f"* After {EARLY} simulations of the same runs, on the search mesh (the first Jacobian takes 9 of them): mean "
-        f"{brief(float(np.mean(early)))} %, median {brief(float(np.median(early)))} %.",
+        f"{_mean(early)} %, median {_median(early)} %.",
     ]
     return "\n".join(lines)
 
@@ -149,8 +144,10 @@ def below_the_paper(rows: Sequence[Row]) -> tuple[int, int]:
     return sum(cells), len(cells)
 
 
-def _named(row: Row) -> str:
-    return f"{row['task']} ({row['chemistry']} {row['rates']}, {brief(row['mape'])} %)"
+def above_one_percent(rows: Sequence[Row]) -> list[str]:
+    """The tasks with an error above 1 %, the largest first."""
+    far = sorted((row for row in rows if row["mape"] > 1), key=lambda row: -row["mape"])
+    return [f"{row['task']} ({row['chemistry']} {row['rates']}, {brief(row['mape'])} %)" for row in far]
 
 
 def _errors(rows: Sequence[Row]) -> list[float]:
@@ -185,10 +182,10 @@ def oregan(results: Results) -> str:
     for mode in ("regular", "extreme"):
         rows = [row for row in results.rows("published") if (row["mode"], row["chemistry"]) == (mode, SLOW)]
         errors, early = statistic(_errors(rows)), spread([row["early_objective"] for row in rows])
-        entries = [bold(spread(errors)), brief(float(np.median(_errors(rows)))), brief(errors.worst)]
+        entries = [bold(spread(errors)), _median(_errors(rows)), brief(errors.worst)]
         more = [str(sum(row["mape"] > 10 for row in rows)), early, f"*{brief(_best(paper_rows()[mode], SLOW))}*"]
         lines.append([mode, str(len(rows)), *entries, *more])
-    longer = [f"{row['task']} {row['simulations']:.0f}" for row in results.rows("published") if _longer(row)]
+    longer = [f"{row['task']} {row['simulations']:.0f}" for row in longer_tasks(results.rows("published"))]
     heads = [
         "",
         "tasks",
@@ -205,11 +202,7 @@ def oregan(results: Results) -> str:
 
 def longer_tasks(rows: Sequence[Row]) -> list[Row]:
     """Tasks of the slow cell that had more than its 50 simulations."""
-    return [row for row in rows if _longer(row)]
-
-
-def _longer(row: Row) -> bool:
-    return bool(row["chemistry"] == SLOW and row["simulations"] > 50)
+    return [row for row in rows if row["chemistry"] == SLOW and row["simulations"] > 50]
 
 
 def baselines(results: Results) -> str:
@@ -229,7 +222,7 @@ def _of(rows: Sequence[Row], method: str, cases: set[str] | None = None) -> dict
 def _overall(rows: Sequence[Row], method: str) -> list[str]:
     own = list(_of(rows, method).values())
     errors, early = _errors(own), statistic([row["early_objective"] for row in own]).mean
-    return [spread(errors), brief(float(np.median(errors))), brief(max(errors)), brief(early)]
+    return [spread(errors), _median(errors), brief(max(errors)), brief(early)]
 
 
 def _remarks(rows: Sequence[Row], cases: set[str]) -> list[str]:

@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 from bsa.experiments.campaign.statistics import compare
 from bsa.experiments.campaign.summary import exact_interval, geometric_mean, grouped, statistic
-from bsa.experiments.campaign.text_tables import Entry, bold, brief, markdown_table, spread, table_of
+from bsa.experiments.campaign.text_tables import Entry, bold, brief, markdown_table, span, spread, table_of
 from bsa.experiments.studies.coverage import FIT_POINTS, coverage_table, excesses
 from bsa.experiments.studies.no_harm import summary, verdict_of
 from bsa.experiments.studies.recovery import recovery_table
 
+from .published import above_one_percent
 from .results import Results
 
 _MANY, _CORES = 100_000, 400
@@ -22,13 +23,10 @@ def random_cells(results: Results) -> str:
     rows = results.rows("random")
     errors = [row["mape"] for row in rows]
     mean, median = brief(float(np.mean(errors))), brief(float(np.median(errors)))
-    far = sorted((row for row in rows if row["mape"] > 1), key=lambda row: -row["mape"])
-    named = [f"{row['task']} ({row['chemistry']} {row['rates']}, {brief(row['mape'])} %)" for row in far]
     words = (
         f"* {len(rows)} cases of {len(grouped(rows, 'chemistry'))} base cells: mean {mean} %, median {median} %, worst "
-        f"{brief(max(errors))} %; the starts have {brief(min(row['initial_mape'] for row in rows))} to "
-        f"{brief(max(row['initial_mape'] for row in rows))} %.\n"
-        f"* Above 1 %: {', '.join(named) or 'none'}."
+        f"{brief(max(errors))} %; the starts have {span([row['initial_mape'] for row in rows])} %.\n"
+        f"* Above 1 %: {', '.join(above_one_percent(rows)) or 'none'}."
     )
     return results.framed("random", words)
 

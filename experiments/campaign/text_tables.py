@@ -65,6 +65,11 @@ def brief(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.1f}" if abs(value) >= 10 else f"{value:.2g}"
 
 
+def span(values: Sequence[float], form: Callable[[float], str] = brief) -> str:
+    """From the smallest to the largest."""
+    return f"{form(min(values))} to {form(max(values))}"
+
+
 def spread(values: Sequence[float] | Statistic) -> str:
     """Mean ± sample standard deviation (n - 1)."""
     found = values if isinstance(values, Statistic) else statistic(values)
