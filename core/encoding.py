@@ -198,20 +198,14 @@ def encode_cell(cell: CellModel) -> Json:
 
 
 def _encode_experiment(experiment: Experiment) -> Json:
-    some: Json = {} if experiment.initial_voltage is None else {"initial_voltage": experiment.initial_voltage}
-    if experiment.long:
-        some["detailed_cycles"] = list(experiment.detailed_cycles)
-    if experiment.initial_temperature_k is not None:
-        some["initial_temperature_k"] = experiment.initial_temperature_k
-    return {
-        "name": experiment.name,
+    content = {
+        **vars(experiment),
         "target": encode_trajectory(experiment.target),
         "protocol": None if experiment.protocol is None else written(experiment.protocol),
-        "scored_cycle": experiment.scored_cycle,
-        "temperature_k": experiment.temperature_k,
-        "initial_soc": experiment.initial_soc,
-        **some,
+        "detailed_cycles": list(experiment.detailed_cycles) or None,
     }
+    later = ("initial_voltage", "detailed_cycles", "initial_temperature_k")
+    return {name: value for name, value in content.items() if value is not None or name not in later}
 
 
 def _decode_experiment(known: _ExperimentRecord) -> Experiment:
