@@ -57,16 +57,13 @@ class BoundedTransport(httpx.BaseTransport):
     def handle_request(self, request: httpx.Request) -> httpx.Response:
         """See `httpx.BaseTransport.handle_request`."""
         allowed_s = request.extensions.get("timeout", {}).get("read") or _LONGEST_ANSWER_S
-        budget = _Budget(time.monotonic() + allowed_s, MAX_BODY_BYTES)
+        budget = _Budget(allowed_s)
         # A compressed answer could be small on the wire and without end in memory.
         ours = {"connection": "close", "accept-encoding": "identity"}
         asked = httpcore.Request(
             method=request.method,
             url=str(request.url),
-            headers=[
-                *((name, value) for name, value in self._sent(request).items() if name not in ours),
-                *ours.items(),
-            ],
+            headers=[*(item for item in self._sent(request).items() if item[0] not in ours), *ours.items()],
             content=request.read(),
         )
         try:
@@ -121,9 +118,9 @@ _NETWORK_ERRORS = (httpcore.NetworkError, httpcore.TimeoutException, httpcore.Pr
 
 
 class _Budget:
-    def __init__(self, deadline: float, max_bytes: int) -> None:
-        self._deadline = deadline
-        self._left = max_bytes
+    def __init__(self, allowed_s: float) -> None:
+        self._deadline = time.monotonic() + allowed_s
+        self._left = MAX_BODY_BYTES
 
     def seconds(self) -> float:
         left = self._deadline - time.monotonic()
