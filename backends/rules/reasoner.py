@@ -25,7 +25,13 @@ _AS_WRITTEN = {"cc": "CC", "cv": "CV", "pct": "%", "mv": "mV", "k": "K"}
 def propose(prompt: Prompt) -> dict[str, Any]:
     """A reply to the agent's prompt."""
     if prompt.suggested:
-        return _copied(prompt)
+        # As a model that follows the digest would answer.
+        return {
+            "analysis": "",
+            "hypothesis": "The suggested change helps.",
+            "updated_params": dict(prompt.suggested),
+            "rationale": "Taken as it is suggested.",
+        }
     sensitivity = infer(prompt)
     if not len(sensitivity.mismatch) or not np.any(sensitivity.slopes):
         return _probe(prompt)
@@ -56,23 +62,11 @@ def _step(prompt: Prompt, sensitivity: Sensitivity) -> Matrix:
     upper = np.full(len(sensitivity.parameters), np.inf)
     for place, name in enumerate(sensitivity.parameters):
         if name in prompt.bounds:
-            low, now, high = (
-                to_steps(value, prompt.steps[name])
-                for value in (prompt.bounds[name][0], prompt.parameters[name], prompt.bounds[name][1])
-            )
+            low, high = (to_steps(bound, prompt.steps[name]) for bound in prompt.bounds[name])
+            now = to_steps(prompt.parameters[name], prompt.steps[name])
             lower[place], upper[place] = low - now, high - now
     radius = max(min([_LONGEST, *(_SHRINK * length for length in failed_in_a_row(prompt))]), _LEAST)
     return linear_change(sensitivity.slopes, sensitivity.mismatch, sensitivity.tolerance, lower, upper, radius)
-
-
-def _copied(prompt: Prompt) -> dict[str, Any]:
-    """What a digest suggests, as a model that follows it would answer."""
-    return {
-        "analysis": "",
-        "hypothesis": "The suggested change helps.",
-        "updated_params": dict(prompt.suggested),
-        "rationale": "Taken as it is suggested.",
-    }
 
 
 def _answer(prompt: Prompt, sensitivity: Sensitivity, change: Matrix) -> dict[str, Any]:

@@ -95,28 +95,24 @@ def _from_rules(rules: Sequence[DomainRule], parameters: tuple[str, ...], featur
             if rule.parameter not in parameter:
                 continue
             for row, feature in enumerate(features):
-                quantity, sign, size = _quantity(feature)
+                quantity, effect = next((told for part, told in _QUANTITIES.items() if part in feature), ("", 0.0))
                 if quantity in rule.raises:
-                    slopes[row, column] = sign * size
+                    slopes[row, column] = effect
                 elif quantity in rule.lowers:
-                    slopes[row, column] = -sign * size
+                    slopes[row, column] = -effect
     return slopes
 
 
-def _quantity(feature: str) -> tuple[str, float, float]:
-    """Which quantity of the rules a feature shows, with its sign and the size of a typical effect."""
-    return next((told for part, told in _QUANTITIES.items() if part in feature), ("", 1.0, 0.0))
-
-
 _QUANTITIES = {
-    "fade_mismatch": ("fade", 1.0, _TYPICAL_PERCENT),
-    "resistance_mismatch": ("resistance", 1.0, _TYPICAL_PERCENT),
-    "discharge_time": ("discharge_time", 1.0, _TYPICAL_TIME_S),
-    "charge_time": ("charge_time", 1.0, _TYPICAL_TIME_S),
-    "hold_time": ("hold_time", 1.0, _TYPICAL_TIME_S),
-    "current_shift": ("hold_time", 1.0, _TYPICAL_PERCENT),
-    "rest": ("rest_voltage", 1.0, _TYPICAL_SHIFT_MV),
-    "discharge": ("polarisation", -1.0, _TYPICAL_SHIFT_MV),
-    "shift_mv": ("polarisation", 1.0, _TYPICAL_SHIFT_MV),
+    "fade_mismatch": ("fade", _TYPICAL_PERCENT),
+    "resistance_mismatch": ("resistance", _TYPICAL_PERCENT),
+    "discharge_time": ("discharge_time", _TYPICAL_TIME_S),
+    "charge_time": ("charge_time", _TYPICAL_TIME_S),
+    "hold_time": ("hold_time", _TYPICAL_TIME_S),
+    "current_shift": ("hold_time", _TYPICAL_PERCENT),
+    "rest": ("rest_voltage", _TYPICAL_SHIFT_MV),
+    "discharge": ("polarisation", -_TYPICAL_SHIFT_MV),
+    "shift_mv": ("polarisation", _TYPICAL_SHIFT_MV),
 }
-"""By a part of the feature's name; the first that it contains counts."""
+"""The quantity of the rules that a feature shows and a typical effect on the feature where it rises, by a part of the
+feature's name; the first that it contains counts."""
