@@ -88,13 +88,12 @@ class Sensitivities:
         told = {name: row for name, row in self.effects.items() if any(feature in row for feature in features)}
         about: dict[str, list[Any]] = {
             "points": [self.points.get(name) for name in told],
-            "misprediction_pct": [_whole(_rounded(self.misprediction_pct.get(name), 2, _ALL)) for name in told],
+            "misprediction_pct": [_rounded(self.misprediction_pct.get(name), 2) for name in told],
         }
         alike = {key: values[0] for key, values in about.items() if len(set(values)) == 1}
         differing = {key: values for key, values in about.items() if key not in alike}
         effects = [
-            [_whole(_rounded(row.get(feature), _DIGITS, finest[feature])) for feature in features]
-            for row in told.values()
+            [_rounded(row.get(feature), _DIGITS, finest[feature]) for feature in features] for row in told.values()
         ]
         rows = [
             [name, *(values[place] for values in differing.values()), effects[place]] for place, name in enumerate(told)
@@ -175,13 +174,12 @@ def linear_change(
     return bounded_step(stacked, target, np.minimum(lower, 0.0), np.maximum(upper, 0.0), radius)
 
 
-def _rounded(value: float | None, digits: int, decimals: int) -> float | None:
-    return None if value is None else round(float(f"{value:.{digits}g}"), decimals)
-
-
-def _whole(value: float | None) -> float | None:
-    """Without decimals from ten on."""
-    return value if value is None or abs(value) < _WHOLE else float(round(value))
+def _rounded(value: float | None, digits: int, decimals: int = _ALL) -> float | None:
+    """To so many digits and decimals, whole from ten on."""
+    if value is None:
+        return None
+    found = round(float(f"{value:.{digits}g}"), decimals)
+    return found if abs(found) < _WHOLE else float(round(found))
 
 
 def _decimals(size: float) -> int:
