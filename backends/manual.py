@@ -28,7 +28,6 @@ from .terminal import Terminal
 
 _POLL_S = 0.2
 _END_MARK = "."
-_LOCK = "prompts.lock"
 
 
 class TerminalBackend:
@@ -103,7 +102,7 @@ class ExchangeBackend:
         ]
         prompt: dict[str, Any] = {"messages": turns, "schema": without_alternatives(schema), "seed": seed}
         try:
-            with FileLock(self._folder / _LOCK):  # no other process that uses the folder gives the same number
+            with FileLock(self._folder / "prompts.lock"):  # no other process that uses the folder gives the same number
                 number = self._place(prompt)
         except OSError as error:
             raise file_error(error, self._folder) from None

@@ -11,9 +11,6 @@ from ..core.yaml_text import read_yaml
 
 _SHIPPED = Path(__file__).with_name("presets.yaml")
 
-USER_FILE_VARIABLE = "BSA_PRESETS"
-USER_FILE = "bsa-presets.yaml"
-
 
 @dataclass(frozen=True)
 class Preset:
@@ -37,8 +34,8 @@ def load_presets() -> dict[str, Preset]:
     Raises `BsaError` if the user's file cannot be read or holds something else than presets.
     """
     presets = _parse(read_yaml(_SHIPPED), _SHIPPED.name)
-    named = os.environ.get(USER_FILE_VARIABLE)
-    path = Path(named) if named else Path(USER_FILE)
+    named = os.environ.get("BSA_PRESETS")
+    path = Path(named) if named else Path("bsa-presets.yaml")
     if named or path.is_file():
         presets |= _parse(read_yaml(path), str(path))
     return presets

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import Any
 
@@ -142,7 +141,9 @@ class TransformersBackend:
         processors = transformers.LogitsProcessorList([processor] if processor else [])
         prompt = prompt.to(model.device)
         try:
-            with torch.inference_mode(), _seeded(seed):
+            # A random state of its own, so that neither earlier replies nor other code change this one.
+            with torch.inference_mode(), torch.random.fork_rng():
+                torch.manual_seed(seed)
                 output = model.generate(
                     prompt,
                     attention_mask=torch.ones_like(prompt),
@@ -167,13 +168,3 @@ class TransformersBackend:
         if not self._closed:
             self._closed = True
             release(self._loaded)
-
-
-@contextmanager
-def _seeded(seed: int) -> Any:
-    """Random state of its own, so that neither earlier replies nor other code change this one."""
-    import torch
-
-    with torch.random.fork_rng():
-        torch.manual_seed(seed)
-        yield

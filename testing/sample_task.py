@@ -9,7 +9,7 @@ from ..core.parameters import Candidate, Parameter, ParameterSpace
 from ..core.segmentation import segment
 from ..core.simulation import ExperimentRun, Outcome, SimulationFailure
 from ..core.task import CellModel, Experiment, Task
-from ..core.trajectory import SECONDS_PER_HOUR, Trajectory
+from ..core.trajectory import SECONDS_PER_HOUR, Step, Trajectory
 
 SAMPLE_SIMULATOR = "sample-cell"
 
@@ -45,11 +45,11 @@ def sample_task(simulator: str = SAMPLE_SIMULATOR) -> Task:
     return Task("sample", CellModel("Chen2020", "SPM"), _SPACE, (experiment,), simulator=simulator)
 
 
-def _record(time: np.ndarray, current: np.ndarray, candidate: Candidate) -> Trajectory:
+def _record(time: np.ndarray, current: np.ndarray, candidate: Candidate, steps: tuple[Step, ...] = ()) -> Trajectory:
     drawn = np.concatenate([[0.0], np.cumsum(np.diff(time) * current[1:])]) / SECONDS_PER_HOUR
     resistance = 0.03 * candidate[_RESISTANCE] / _SPACE[_RESISTANCE].initial
     slope = 0.3 * candidate[_CAPACITY] / _SPACE[_CAPACITY].initial
-    return Trajectory(time, current, 4.1 - slope * drawn - resistance * current)
+    return Trajectory(time, current, 4.1 - slope * drawn - resistance * current, steps=steps)
 
 
 class SampleCell:
@@ -68,8 +68,7 @@ class SampleCell:
         if candidate[_RESISTANCE] > _BREAKS_ABOVE * _SPACE[_RESISTANCE].initial:
             return ExperimentRun(None, SimulationFailure("the resistance is too large for this cell"))
         target = experiment.target
-        simulated = _record(target.time, target.current, candidate)
-        return ExperimentRun(Trajectory(simulated.time, simulated.current, simulated.voltage, steps=target.steps))
+        return ExperimentRun(_record(target.time, target.current, candidate, target.steps))
 
 
 @hookimpl
