@@ -198,7 +198,7 @@ def encode_cell(cell: CellModel) -> Json:
 
 
 def _encode_experiment(experiment: Experiment) -> Json:
-    content = {
+    content: Json = {
         **vars(experiment),
         "target": encode_trajectory(experiment.target),
         "protocol": None if experiment.protocol is None else written(experiment.protocol),
@@ -228,7 +228,7 @@ def decode_task(record: Mapping[str, Any]) -> Task:
     Raises `ValueError`, `LookupError`, `TypeError` or `BsaError` if the record is of another shape.
     """
     known: _TaskRecord = shaped(_TaskRecord, record)
-    decoded = {
+    decoded: Json = {
         "space": ParameterSpace(tuple(decode_parameter(parameter) for parameter in known.space)),
         "experiments": tuple(_decode_experiment(experiment) for experiment in known.experiments),
         "domain": CELL if known.domain is None else shaped(Domain, known.domain),
@@ -267,7 +267,7 @@ def decode_trial(record: Mapping[str, Any], folder: Path) -> Trial:
     if any(image.is_absolute() or ".." in image.parts for image in images):
         # It would be shown to a language model.
         raise ValueError("an image outside the run's folder")
-    decoded = {
+    decoded: Json = {
         "metrics": decode_metrics(fields["metrics"]),
         "feedback": Feedback(fields["feedback"], tuple(folder / image for image in images)),
         "curves": tuple(None if curve is None else decode_trajectory(curve) for curve in fields["curves"]),
