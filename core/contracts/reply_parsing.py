@@ -20,6 +20,11 @@ _MAX_PASSES = 5
 
 _END_OF_THOUGHTS = "</think>"
 _NUMBER = re.compile(r"-?[0-9]{1,300}(?:\.[0-9]{0,300})?(?:[eE][+-]?[0-9]{1,4})?")
+_BLANK = re.compile(r"(?:\s|/\*.*?(?:\*/|\Z)|(?://|#)[^\n]*)*+", re.DOTALL)  # White space and comments.
+_BARE_KEY = re.compile(r'[^:,{}\[\]"\n]*')
+_BARE_VALUE = re.compile(r"(?:(?!//|/\*| #)[^,{}\[\]\n])*+")
+_AFTER_STRING = re.compile(r"[^\S\n]*+(?:\Z|[\n,:}\]#]|//|/\*)")
+"""What follows a string. A quote at the end of a line closes its string even where the comma was forgotten."""
 _QUOTES = {'"': '"', "'": "'", "“": "”", "`": "`"}
 _ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "b": "\b", "f": "\f"}
 _WORDS = {"true": True, "True": True, "false": False, "False": False, "null": None, "None": None}
@@ -178,26 +183,27 @@ class _KindReader:
     def _read_key(self) -> str:
         if self._next() in _QUOTES:
             return self._read_string()
-        start = self.position
-        while self.position < len(self.text) and self.text[self.position] not in ':,{}[]"\n':
-            self.position += 1
-        key = self.text[start : self.position].strip()
-        if not key:
-            raise _NotAnObjectError
-        return key
+        return self._read_bare(_BARE_KEY)
 
     def _read_bare_value(self) -> Any:
-        start = self.position
-        while self.position < len(self.text) and self.text[self.position] not in ",{}[]\n":
-            if self.text.startswith(("//", "/*"), self.position) or self.text.startswith(" #", self.position):
-                break
-            self.position += 1
-        word = self.text[start : self.position].strip()
-        if not word:
-            raise _NotAnObjectError
+        word = self._read_bare(_BARE_VALUE)
         if word in _WORDS:
             return _WORDS[word]
         return _number(word) if _NUMBER.fullmatch(word) else _clean(word)
+
+    def _read_bare(self, form: re.Pattern[str]) -> str:
+        """Text without quotes."""
+        text = self._take(form).strip()
+        if not text:
+            raise _NotAnObjectError
+        return text
+
+    def _take(self, form: re.Pattern[str]) -> str:
+        """The text that has this form from here on, which may be none; it is passed over."""
+        match = form.match(self.text, self.position)
+        assert match is not None  # all three forms match the empty text
+        self.position = match.end()
+        return match[0]
 
     def _read_string(self) -> str:
         opening = self.text[self.position]
@@ -228,13 +234,7 @@ class _KindReader:
 
     def _ends_string(self) -> bool:
         """Whether the quote just read closes its string, rather than being an unescaped quote within it."""
-        rest = self.position
-        while rest < len(self.text) and self.text[rest].isspace():
-            # A quote at the end of a line closes its string even where the comma was forgotten.
-            if self.text[rest] == "\n":
-                return True
-            rest += 1
-        return rest == len(self.text) or self.text[rest] in ",:}]" or self.text.startswith(("//", "/*", "#"), rest)
+        return _AFTER_STRING.match(self.text, self.position) is not None
 
     def _closes(self, closing: str) -> bool:
         if self._at_end():
@@ -252,15 +252,5 @@ class _KindReader:
 
     def _next(self) -> str:
         """The next character that is neither blank nor part of a comment; empty at the end."""
-        while self.position < len(self.text):
-            if self.text[self.position].isspace():
-                self.position += 1
-            elif self.text.startswith("/*", self.position):
-                end = self.text.find("*/", self.position + 2)
-                self.position = len(self.text) if end < 0 else end + 2
-            elif self.text.startswith(("//", "#"), self.position):
-                end = self.text.find("\n", self.position)
-                self.position = len(self.text) if end < 0 else end + 1
-            else:
-                return self.text[self.position]
-        return ""
+        self._take(_BLANK)
+        return self.text[self.position : self.position + 1]
