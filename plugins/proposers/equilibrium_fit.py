@@ -8,21 +8,18 @@ IEEE Trans. Microw. Theory Tech. 52 (2004) 337 (space mapping).
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm, qmc
 
 from ...core.comparison.residuals import residuals
 from ...core.inference.least_squares import LeastSquares, solve
 from ...core.parameters import Candidate
 from ...core.simulation import Outcome
-from ...core.task import Task
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial
-from .stage_data import View
-from .stage_fit import SETTINGS, Stage, StageChoice
+from .stage_fit import SETTINGS, Stage
 
 _SETTINGS = replace(SETTINGS, emulates=False, visible=0.3)
 """Those of a stage, but for the emulator: a cell at equilibrium costs less than what it would learn from it. Slopes are
@@ -45,21 +42,14 @@ _HALVINGS = 3
 promises is not worth a simulation."""
 
 
+@dataclass(eq=False)
 class EquilibriumFit(Stage):
     """A stage that simulates only the ends of fits to a cell at equilibrium, ``equilibrium`` of `ProposeContext`."""
 
-    def __init__(
-        self,
-        task: Task,
-        choice: StageChoice,
-        view: View,
-        free: NDArray[np.bool_],
-        start: Trial,
-        budget: int,
-        equilibrium: Equilibrium,
-    ) -> None:
-        super().__init__(task, choice, view, free, start, budget)
-        self._equilibrium = equilibrium
+    equilibrium: Equilibrium
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
         self._tried_bare = False  # Whether a fit without a correction was tried.
         self._corrected = False  # Whether the fit whose end is asked for had one.
         self._next: FloatArray | None = None
@@ -67,7 +57,7 @@ class EquilibriumFit(Stage):
 
     def ask(self, simulations_left: int) -> list[Candidate]:
         """See `Stage.ask`: the end of the next fit, if it promises something."""
-        if min(self._left, simulations_left) <= 0:
+        if min(self.left, simulations_left) <= 0:
             return []
         if self._next is None or self._rejected > _HALVINGS:
             self._next, self._rejected = self._another(), 0
@@ -77,15 +67,13 @@ class EquilibriumFit(Stage):
         """See `Stage.tell`."""
         (trial,) = trials
         assert self._next is not None
-        self._left -= 1
-        if self._cost(self._weighed(trial), self._next) < self._cost(
-            self._weighed(self._here), self._point(self._here)
-        ):
-            self._here, self._next, self._rejected = trial, None, 0
-            self._noise = self._misfit_noise()
+        self.left -= 1
+        if self._cost(self._weighed(trial), self._next) < self._cost(self._weighed(self.here), self._point(self.here)):
+            self.here, self._next, self._rejected = trial, None, 0
+            self.noise = self._misfit_noise()
         else:
-            self._next, self._rejected = 0.5 * (self._next + self._point(self._here)), self._rejected + 1
-        return self._here
+            self._next, self._rejected = 0.5 * (self._next + self._point(self.here)), self._rejected + 1
+        return self.here
 
     @property
     def _method(self) -> str:
@@ -98,7 +86,7 @@ class EquilibriumFit(Stage):
         what the two differ by is then no polarisation. Held, volts where the cell was empty, it can make every other
         balance of the electrodes look worse.
         """
-        if self._here.limits and not self._tried_bare:
+        if self.here.limits and not self._tried_bare:
             self._tried_bare, self._corrected = True, False
             found = self._fitted(corrected=False)
             if found is not None:
@@ -110,8 +98,8 @@ class EquilibriumFit(Stage):
 
     def _fitted(self, corrected: bool = True) -> FloatArray | None:
         """Where the (corrected) cell at equilibrium fits best; None where that gains next to nothing."""
-        here = self._at_equilibrium([self._point(self._here)])[0]
-        seen = self._weighed(self._here)
+        here = self._at_equilibrium([self._point(self.here)])[0]
+        seen = self._weighed(self.here)
         if here is None or seen is None:
             return None
         correction = seen - here if corrected else np.zeros_like(seen)
@@ -119,8 +107,8 @@ class EquilibriumFit(Stage):
         def shifted(points: list[FloatArray]) -> list[FloatArray | None]:
             return [None if found is None else found + correction for found in self._at_equilibrium(points)]
 
-        before = self._cost(here + correction, self._point(self._here))
-        starts = [self._point(self._here)] if corrected else self._drawn()
+        before = self._cost(here + correction, self._point(self.here))
+        starts = [self._point(self.here)] if corrected else self._drawn()
         searches = []
         for start, residual in zip(starts, shifted(starts), strict=True):
             searches.append(LeastSquares(start, residual, _SETTINGS, self._free, box=self._box()))
@@ -135,7 +123,7 @@ class EquilibriumFit(Stage):
         From a cell that is empty before its record ends no derivative leads to one that is not: a fit bends the
         potentials instead.
         """
-        start = self._point(self._here)
+        start = self._point(self.here)
         spread = self._free & (self._space.prior_weights > 0.0)
         drawn = start + spread * norm.ppf(qmc.Sobol(len(start), seed=0).random(_DRAWS))
         points = list(np.clip(drawn, self._space.lowest, self._space.highest))
@@ -144,10 +132,10 @@ class EquilibriumFit(Stage):
 
     def _at_equilibrium(self, points: Sequence[FloatArray]) -> list[FloatArray | None]:
         """The view's residuals of a cell at equilibrium, in standard deviations."""
-        outcomes = self._equilibrium([self._space.at(point) for point in points])
+        outcomes = self.equilibrium([self._space.at(point) for point in points])
         assert outcomes is not None  # it was there when the stage began
-        found = [residuals(self._task, outcome) for outcome in outcomes]
-        return [None if values is None else self._view(values) / self._noise for values in found]
+        found = [residuals(self.task, outcome) for outcome in outcomes]
+        return [None if values is None else self.view(values) / self.noise for values in found]
 
     def _cost(self, residual: FloatArray | None, point: FloatArray) -> float:
         prior = self._space.prior_weights * point

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -94,54 +95,33 @@ class StageChoice(BaseModel, extra="forbid"):
         return not self.fits or any(part.casefold() in name.casefold() for part in parts)
 
 
+@dataclass(eq=False)
 class Stage(ABC):
-    """What is fitted to what, from where; asks for candidates and is told their trials.
+    """What is fitted to what, from where; asks for candidates and is told their trials."""
 
-    Parameters
-    ----------
-    task : Task
-        Its residuals are fitted.
-    choice : StageChoice
-        Which stage.
-    view : View
-        Its part of the residuals.
-    free : ndarray of bool, shape (p,)
-        Its parameters.
-    start : Trial
-        Where it begins.
-    budget : int
-        Simulations that it may use.
-    """
+    task: Task
+    choice: StageChoice
+    view: View  # The part of the task's residuals that is fitted.
+    chosen: NDArray[np.bool_]  # Its parameters, shape (p,).
+    began: Trial  # Where it begins.
+    left: int  # Simulations that it may use.
+    # How the task is reduced for the candidates just asked for; None where it is not.
+    reduction: TaskReduction | None = field(default=None, init=False)
 
     takes_slopes = False
     asked = False
     """Whether any of its candidates has been proposed."""
     wanting = 0
     """Simulations that the fit would have gone on with, had so many been left; 0 where it ended by itself."""
-    reduction: TaskReduction | None = None
-    """How the task is reduced for the candidates just asked for; None where it is not."""
 
-    def __init__(
-        self, task: Task, choice: StageChoice, view: View, free: NDArray[np.bool_], start: Trial, budget: int
-    ) -> None:
-        self.choice = choice
-        self._task, self._space = task, task.space
-        self._view = view
-        self._chosen = self._free = free
-        self.began = self._here = start
-        self._left = budget
-        self._most = choice.noise
-        self._noise = self._misfit_noise()
-
-    @property
-    def here(self) -> Trial:
+    def __post_init__(self) -> None:
+        self._space = self.task.space
+        self._free = self.chosen
+        self._most = self.choice.noise
+        self.here = self.began
         """The trial of its best point."""
-        return self._here
-
-    @property
-    def noise(self) -> float:
+        self.noise = self._misfit_noise()
         """Standard deviation of its residuals that is assumed, in tolerances."""
-        return self._noise
 
     @abstractmethod
     def ask(self, simulations_left: int) -> list[Candidate]:
@@ -153,13 +133,13 @@ class Stage(ABC):
 
     def allow(self, more: int) -> None:
         """Let it use so many simulations more than it might."""
-        self._left += more
+        self.left += more
 
     def numbers(self) -> dict[str, float]:
         """What the fit knows of itself, for the journal."""
-        seen = self._seen(self._here)
+        seen = self._seen(self.here)
         assert seen is not None
-        return {"misfit_tolerances": rms(seen), "noise_tolerances": self._noise}
+        return {"misfit_tolerances": rms(seen), "noise_tolerances": self.noise}
 
     def describe(self) -> str:
         """What is fitted to what, in a sentence."""
@@ -178,19 +158,19 @@ class Stage(ABC):
         Neighbours are alike while a fit has not come to its end, as they are where the model lacks something: widened
         by their correlation, the misfit of a fit on its way would end it there.
         """
-        seen = self._seen(self._here)
+        seen = self._seen(self.here)
         assert seen is not None
         return min(residual_noise(seen, int(np.count_nonzero(self._free)), FINEST_NOISE), self._most)
 
     def _weighed(self, trial: Trial) -> FloatArray | None:
         """The view's residuals in standard deviations."""
         seen = self._seen(trial)
-        return None if seen is None else seen / self._noise
+        return None if seen is None else seen / self.noise
 
     def _seen(self, trial: Trial) -> FloatArray | None:
         """The view's residuals; None where the trial did not get so far."""
         of_all = trial.residuals if trial.reduction is None or trial.failed else trial.partial
-        seen = None if of_all is None else self._view(of_all)
+        seen = None if of_all is None else self.view(of_all)
         return None if seen is None or np.any(np.isnan(seen)) else seen
 
     def _box(self) -> Box:
@@ -201,8 +181,9 @@ class Stage(ABC):
         return np.array([p.coordinate(trial.candidate[p.name]) for p in self._space])
 
 
+@dataclass(eq=False)
 class StageFit(Stage):
-    """A stage whose derivatives are simulated; parameters and attributes as for `Stage`.
+    """A stage whose derivatives are simulated.
 
     One that is fitted to the first cycle simulates no other, and the whole task where it ended. What ``earlier`` trials
     show of its residuals is known to it. ``low_fidelity`` is a model that leads the way (see `ProposeContext`): the fit
@@ -210,46 +191,39 @@ class StageFit(Stage):
     of the misfit, for 30 to 190 simulations.
     """
 
-    def __init__(
-        self,
-        task: Task,
-        choice: StageChoice,
-        view: View,
-        free: NDArray[np.bool_],
-        start: Trial,
-        budget: int,
-        earlier: Sequence[Trial] = (),
-        low_fidelity: LowFidelityResiduals | None = None,
-    ) -> None:
-        super().__init__(task, choice, view, free, start, budget)
-        self._told_so_far = list(earlier)
-        self._first_cycle = _first_cycle_of(task) if choice.data == "first-cycle" else None
+    earlier: Sequence[Trial] = ()
+    low_fidelity: LowFidelityResiduals | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._told_so_far = list(self.earlier)
+        self._first_cycle = _first_cycle_of(self.task) if self.choice.data == "first-cycle" else None
         self.reduction = self._first_cycle
-        self._low_fidelity: LowFidelity | None = None
-        if low_fidelity is not None:
-            self._low_fidelity = LowFidelity(partial(self._low_residuals, low_fidelity), suffices=True)
+        self._leads: LowFidelity | None = None
+        if self.low_fidelity is not None:
+            self._leads = LowFidelity(partial(self._low_residuals, self.low_fidelity), suffices=True)
         self._search = self._from_here()
-        self._tried_first = self._spread(choice.scan)
+        self._tried_first = self._spread(self.choice.scan)
 
     def _spread(self, count: int) -> list[Candidate]:
         """The values of a scan, one parameter moved at a time; none where fewer simulations are left."""
         found: list[Candidate] = []
-        for place in np.flatnonzero(self._chosen & (self._space.prior_weights == 0.0)):
+        for place in np.flatnonzero(self.chosen & (self._space.prior_weights == 0.0)):
             parameter = self._space[self._space.names[place]]
             for position in (np.arange(count) + 0.5) / max(count, 1):
-                found.append({**self._here.candidate, parameter.name: parameter.from_unit(float(position))})
-        return found if len(found) < self._left else []
+                found.append({**self.here.candidate, parameter.name: parameter.from_unit(float(position))})
+        return found if len(found) < self.left else []
 
     def _begin_at_best(self, trials: Sequence[Trial]) -> Trial:
         """Begin at the best of the values tried, where one is better."""
         self._tried_first = []
-        places = (self._here, *trials)
+        places = (self.here, *trials)
         costs = [
             np.inf if (residual := self._weighed(trial)) is None else float(residual @ residual) for trial in places
         ]
-        self._here = places[int(np.argmin(costs))]
+        self.here = places[int(np.argmin(costs))]
         self._search = self._from_here()
-        return self._here
+        return self.here
 
     def _from_here(self, jacobian: FloatArray | None = None, fresh: bool = False) -> LeastSquares:
         """A fit from the present point; with derivatives, of those parameters alone that the data tell something of.
@@ -257,22 +231,22 @@ class StageFit(Stage):
         ``fresh`` is whether the derivatives were measured there.
         """
         # Where far residuals count little, a start tells little of what the data know.
-        known = None if self._task.weight == "robust" else jacobian
-        self._free = self._chosen if known is None else self._chosen & self._told(known)
-        point, residual = self._point(self._here), self._weighed(self._here)
-        seen = [(self._point(trial), self._weighed(trial)) for trial in self._told_so_far if trial is not self._here]
+        known = None if self.task.weight == "robust" else jacobian
+        self._free = self.chosen if known is None else self.chosen & self._told(known)
+        point, residual = self._point(self.here), self._weighed(self.here)
+        seen = [(self._point(trial), self._weighed(trial)) for trial in self._told_so_far if trial is not self.here]
         earlier = [(there, found) for there, found in seen if found is not None]
-        low = self._low_fidelity
+        low = self._leads
         return LeastSquares(point, residual, SETTINGS, self._free, jacobian, self._box(), fresh, earlier, low)
 
     def _low_residuals(self, model: LowFidelityResiduals, points: Sequence[FloatArray]) -> list[FloatArray | None]:
         """The view's residuals by a low-fidelity model, in standard deviations."""
         found = model([self._space.at(point) for point in points])
-        return [None if residual is None else self._view(residual) / self._noise for residual in found]
+        return [None if residual is None else self.view(residual) / self.noise for residual in found]
 
     def _told(self, jacobian: FloatArray) -> NDArray[np.bool_]:
         """Of which parameters the data can say something beside their priors; all of those without one."""
-        information = np.sum((self._noise / FINEST_NOISE * jacobian) ** 2, axis=0)
+        information = np.sum((self.noise / FINEST_NOISE * jacobian) ** 2, axis=0)
         return np.asarray((information >= _TOLD) | (self._space.prior_weights == 0.0), dtype=np.bool_)
 
     @property
@@ -287,24 +261,24 @@ class StageFit(Stage):
         if self._first_cycle is not None and self.reduction is None:
             return []
         # The last one simulates all cycles where the fit of the first one ended.
-        limit = min(self._left, simulations_left) - (self.reduction is not None)
+        limit = min(self.left, simulations_left) - (self.reduction is not None)
         # What does not suffice for another Jacobian is left to later stages, if there are any.
-        reckoned = limit if self._left >= simulations_left else None
+        reckoned = limit if self.left >= simulations_left else None
         points = self._search.ask(reckoned) if limit > 0 else []
         if not points:
             self._most = max(self._most, _USUAL_NOISE)
         if (not points or self.takes_slopes) and self._noise_differs():
-            before, self._noise = self._noise, self._misfit_noise()
+            before, self.noise = self.noise, self._misfit_noise()
             known, fresh = self._search.jacobian, bool(np.isfinite(self._search.predicted))
-            if self._low_fidelity is not None:
-                self._low_fidelity.weigh_anew(before / self._noise)
-            self._search = self._from_here(None if known is None else before / self._noise * known, fresh)
+            if self._leads is not None:
+                self._leads.weigh_anew(before / self.noise)
+            self._search = self._from_here(None if known is None else before / self.noise * known, fresh)
             points = self._search.ask(reckoned) if limit > 0 else []
         if points and len(points) <= limit:
             return [self._space.at(point) for point in points]
         self.wanting = len(points)
         self.reduction = None
-        return [self._here.candidate] if self._here.reduction is not None else []
+        return [self.here.candidate] if self.here.reduction is not None else []
 
     @property
     def _method(self) -> str:
@@ -318,32 +292,32 @@ class StageFit(Stage):
 
     def _noise_differs(self) -> bool:
         """Whether the misfit tells another noise than is assumed, by more than the standard error of its estimate."""
-        seen = self._seen(self._here)
+        seen = self._seen(self.here)
         assert seen is not None
         freedom = max(len(seen) - int(np.count_nonzero(self._free)), 1)
-        return bool(abs(self._misfit_noise() / self._noise - 1.0) > (2.0 * freedom) ** -0.5)
+        return bool(abs(self._misfit_noise() / self.noise - 1.0) > (2.0 * freedom) ** -0.5)
 
     def tell(self, trials: Sequence[Trial]) -> Trial:
         """Take in the trials of the candidates asked for, in order; the trial of the best point."""
-        self._left -= len(trials)
+        self.left -= len(trials)
         self._told_so_far += trials
         if self._tried_first:
             return self._begin_at_best(trials)
-        if self._here.reduction is not None and self.reduction is None:
+        if self.here.reduction is not None and self.reduction is None:
             # A cell whose first cycle fits may fail in a later one.
             (whole,) = trials
-            self._here = whole if whole.residuals is not None else self.began
-            return self._here
+            self.here = whole if whole.residuals is not None else self.began
+            return self.here
         weighed = [self._weighed(trial) for trial in trials]
         first = self.takes_slopes and self._search.jacobian is None
         self._search.tell(weighed)
         for trial, residual in zip(trials, weighed, strict=True):
             if residual is not None and residual is self._search.residual:
-                self._here = trial
+                self.here = trial
         jacobian = self._search.jacobian
         if first and jacobian is not None and not self.takes_slopes:
             self._search = self._from_here(jacobian, fresh=True)
-        return self._here
+        return self.here
 
 
 def _first_cycle_of(task: Task) -> TaskReduction | None:

@@ -600,7 +600,7 @@ def test_the_noise_is_estimated_again_where_a_fit_leaves_less_than_was_assumed(t
     here, noise = None, []
     while candidates := stage.ask(40):
         noise.append(stage.numbers()["noise_tolerances"])
-        here = stage.tell([replace(stage._here, candidate=one, residuals=residual(one)) for one in candidates])
+        here = stage.tell([replace(stage.here, candidate=one, residuals=residual(one)) for one in candidates])
     assert here is not None
     assert noise[0] > 5.0
     assert noise[-1] == 1.0
