@@ -234,17 +234,10 @@ class Run:
         if phase == "warm-up":
             limit = min(limit, self._config.warm_up)
         candidates = [self._task.space.project(candidate) for candidate in proposal.candidates[: max(limit, 0)]]
-        self._simulate(candidates, phase, number, proposal, proposal.reductions)
+        self._simulate(candidates, phase, number, proposal)
 
-    def _simulate(
-        self,
-        candidates: Sequence[Candidate],
-        phase: Phase,
-        number: int,
-        proposal: Proposal | None,
-        reductions: Sequence[TaskReduction | None] = (),
-    ) -> None:
-        reductions = [*reductions[: len(candidates)], *[None] * (len(candidates) - len(reductions))]
+    def _simulate(self, candidates: Sequence[Candidate], phase: Phase, number: int, proposal: Proposal | None) -> None:
+        reductions = (proposal.reductions if proposal is not None else ()) or (None,) * len(candidates)
         first = len(self._trials)
         done: dict[int, Trial] = {}
         todo: list[int] = []
@@ -264,17 +257,15 @@ class Run:
                 )
             done[place] = decode_trial(earlier, self._folder)
 
-        def report(place: int, outcome: Outcome) -> None:
-            trial = self._trial(first + place, phase, number, candidates[place], outcome, reductions[place])
-            with interrupts_wait():
-                self._journal.append("trial", **encode_trial(trial, self._folder))
-                done[place] = trial
-
         try:
             for reduction in dict.fromkeys(reductions[place] for place in todo):
                 places = [place for place in todo if reductions[place] == reduction]
                 for position, outcome in self._outcomes([candidates[place] for place in places], reduction):
-                    report(places[position], outcome)
+                    place = places[position]
+                    trial = self._trial(first + place, phase, number, candidates[place], outcome, reduction)
+                    with interrupts_wait():
+                        self._journal.append("trial", **encode_trial(trial, self._folder))
+                        done[place] = trial
         except BaseException:
             # A stopped run has a result and a report of each trial that is in its journal, up to the first gap.
             self._trials += [done[place] for place in takewhile(done.__contains__, range(len(candidates)))]
@@ -319,7 +310,18 @@ class Run:
         outcome: Outcome,
         reduction: TaskReduction | None,
     ) -> Trial:
-        metrics = None if reduction is not None else evaluate(self._task, outcome)
+        metrics: Metrics | None = None
+        found: FloatArray | None = None
+        failure = outcome.failure
+        if reduction is None:
+            metrics, found = evaluate(self._task, outcome), residuals(self._task, outcome)
+            feedback = self._plugins.build_feedback(outcome, metrics, index)
+        else:
+            # What a builder says compares with the record of the task as it is.
+            event = "simulation_success" if failure is None else f"simulation_failed: {failure.cause}"
+            feedback = Feedback({"reduced": reduction.words, "events": [event]})
+        # There is no record at lower currents.
+        compared = failure is not None if reduction is None else reduction.rate == 1.0
         swings = any(signal.oscillates for signal in self._task.observed)
         samples = _SWING_SAMPLES_PER_STEP if swings else _CURVE_SAMPLES_PER_STEP
         curves = tuple(
@@ -332,30 +334,15 @@ class Run:
             round=number,
             candidate=candidate,
             metrics=metrics,
-            failure=outcome.failure,
-            residuals=None if reduction is not None else residuals(self._task, outcome),
-            feedback=self._feedback(outcome, metrics, index, reduction),
+            failure=failure,
+            residuals=found,
+            feedback=feedback,
             curves=curves,
             seconds=outcome.seconds,
             reduction=reduction,
-            partial=self._partial(outcome, reduction),
+            partial=partial_residuals(self._task, outcome) if compared else None,
             limits=outcome.limits,
         )
-
-    def _feedback(
-        self, outcome: Outcome, metrics: Metrics | None, index: int, reduction: TaskReduction | None
-    ) -> Feedback:
-        if reduction is None:
-            return self._plugins.build_feedback(outcome, metrics, index)
-        # What a builder says compares with the record of the task as it is.
-        failure = outcome.failure
-        event = "simulation_success" if failure is None else f"simulation_failed: {failure.cause}"
-        return Feedback({"reduced": reduction.words, "events": [event]})
-
-    def _partial(self, outcome: Outcome, reduction: TaskReduction | None) -> FloatArray | None:
-        # There is no record at lower currents.
-        compared = not outcome.ok if reduction is None else reduction.rate == 1.0
-        return partial_residuals(self._task, outcome) if compared else None
 
     def _finish(self, status: Status, reason: str, started: float) -> RunResult:
         found = as_found(self._task, answer(self._task, self._trials))
