@@ -87,24 +87,27 @@ class RunPlugins:
             for kind, choice in self._scaffold.parts:
                 plugin = self._registry.make(kind, choice.use, choice.options, self._context)
                 self._participants.append(_participant(plugin, kind, self._registry.find(kind, choice.use).who))
-            self._check_alone(self._scaffold)
+            self._check_alone()
         except BaseException:
             # What was made before may hold processes and files.
             self.close()
             raise
 
-    def _check_alone(self, scaffold: Scaffold) -> None:
+    def _check_alone(self) -> None:
         for hook in (name for name in vars(RunHooks) if not name.startswith("_") and name not in _BROADCAST):
-            found = [participant.who for participant in self._participants if hook in participant.hooks]
+            found = [participant.who for participant in self._with(hook)]
             if len(found) > 1:
                 raise BsaError(
-                    f'scaffold "{scaffold.name}" has {len(found)} plugins that implement "{hook}" '
+                    f'scaffold "{self._scaffold.name}" has {len(found)} plugins that implement "{hook}" '
                     f"({', '.join(found)}), not one.",
                     "leave one of them out.",
                 )
 
+    def _with(self, hook: str) -> list[Participant]:
+        return [participant for participant in self._participants if hook in participant.hooks]
+
     def _only(self, hook: str) -> Participant | None:
-        return next((participant for participant in self._participants if hook in participant.hooks), None)
+        return next(iter(self._with(hook)), None)
 
     def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
         """See `RunHooks.simulate`."""
@@ -139,12 +142,7 @@ class RunPlugins:
         self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], exact: bool = False
     ) -> Iterator[tuple[int, Outcome]] | None:
         """See `RunHooks.simulate_variant`; None where the simulator knows the task alone."""
-        hook, simulator = "simulate_variant", self._only("simulate_variant")
-        if simulator is None:
-            return None
-        copies = [dict(candidate) for candidate in candidates]
-        pairs = simulator.call(hook, candidates=copies, experiments=experiments, exact=exact)
-        return None if pairs is None else self._outcomes(simulator, hook, pairs, len(candidates), experiments)
+        return self._optional_outcomes("simulate_variant", candidates, experiments=experiments, exact=exact)
 
     def equilibrium(self, candidates: Sequence[Candidate]) -> list[Outcome] | None:
         """See `RunHooks.equilibrium`; in the order of the candidates, None where the simulator has none."""
@@ -155,12 +153,16 @@ class RunPlugins:
         """See `RunHooks.simulate_low_fidelity`; None where the simulator has no such model of the task."""
         return self._optional_outcomes("simulate_low_fidelity", candidates)
 
-    def _optional_outcomes(self, hook: str, candidates: Sequence[Candidate]) -> Iterator[tuple[int, Outcome]] | None:
+    def _optional_outcomes(
+        self, hook: str, candidates: Sequence[Candidate], **more: Any
+    ) -> Iterator[tuple[int, Outcome]] | None:
+        """Outcomes of the ``experiments`` that are among the further arguments, else of those of the task."""
         simulator = self._only(hook)
-        pairs = simulator and simulator.call(hook, candidates=[dict(candidate) for candidate in candidates])
+        pairs = simulator and simulator.call(hook, candidates=[dict(candidate) for candidate in candidates], **more)
         if simulator is None or pairs is None:
             return None
-        return self._outcomes(simulator, hook, pairs, len(candidates), self._context.task.experiments)
+        experiments = more.get("experiments", self._context.task.experiments)
+        return self._outcomes(simulator, hook, pairs, len(candidates), experiments)
 
     def _optional(self, hook: str, check: Callable[[Any], T], **arguments: Any) -> T:
         """The checked answer of the plugin that implements the hook; that of none is None."""
@@ -196,30 +198,26 @@ class RunPlugins:
 
     def propose(self, context: ProposeContext) -> Proposal:
         """See `RunHooks.propose`; a lost call that the proposer lets pass is a lost round."""
-        try:
-            return self._optional(
-                "propose", lambda found: products.proposal(found, context.task.space), context=context
-            )
-        except BackendFailure as failure:
-            return Proposal((), lost=f"no reply: {failure}")
+        return self._proposed("propose", lambda found: products.proposal(found, context.task.space), context)
 
     def warm_up(self, context: ProposeContext) -> Proposal | None:
         """See `RunHooks.warm_up`; None where the scaffold has no warm-up."""
+
+        def check(found: Any) -> Proposal | None:
+            return None if found is None else products.proposal(found, context.task.space)
+
+        return self._proposed("warm_up", check, context)
+
+    def _proposed(self, hook: str, check: Callable[[Any], T], context: ProposeContext) -> T | Proposal:
         try:
-            return self._optional(
-                "warm_up",
-                lambda found: None if found is None else products.proposal(found, context.task.space),
-                context=context,
-            )
+            return self._optional(hook, check, context=context)
         except BackendFailure as failure:
             return Proposal((), lost=f"no reply: {failure}")
 
     def recall(self, budget: int) -> list[Recollection]:
         """What the memories contribute, in the scaffold's order; a section longer than the budget is left out."""
         sections: list[Recollection] = []
-        for participant in self._participants:
-            if "recall" not in participant.hooks:
-                continue
+        for participant in self._with("recall"):
             found = participant.call("recall", budget=budget)
             with border(participant.who, "recall"):
                 section, length = products.recollection(found)
@@ -237,9 +235,8 @@ class RunPlugins:
 
     def remember(self, trial: Trial, proposal: Proposal | None) -> None:
         """See `RunHooks.remember`."""
-        for participant in self._participants:
-            if "remember" in participant.hooks:
-                participant.call("remember", trial=trial, proposal=proposal)
+        for participant in self._with("remember"):
+            participant.call("remember", trial=trial, proposal=proposal)
 
     def export(self, candidate: Candidate) -> Mapping[str, str]:
         """See `RunHooks.export`."""
@@ -247,12 +244,11 @@ class RunPlugins:
 
     def close(self) -> None:
         """See `RunHooks.close`; what goes wrong here is noted, for the run is over and the others are closed too."""
-        for participant in self._participants:
-            if "close" in participant.hooks:
-                try:
-                    participant.call("close")
-                except BsaError as error:
-                    self._note(str(error))
+        for participant in self._with("close"):
+            try:
+                participant.call("close")
+            except BsaError as error:
+                self._note(str(error))
 
 
 def _participant(plugin: object, kind: Part, who: str) -> Participant:
