@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from ..effect import Effect, Evidence
-from ..errors import BsaError, did_you_mean
+from ..errors import BsaError, did_you_mean, unknown
 from . import products
 from .border import border
 from .registry import Listing, Registry, installed
@@ -48,7 +48,7 @@ def effects_of(
             if any((item.kind, item.name) == ("effect", entry_name(name)) for item in registry.unusable):
                 registry.find("effect", entry_name(name))
             known = {called for effect in made.values() for called in (effect.name, effect.key)}
-            raise BsaError(f'there is no effect "{name}".', did_you_mean(name, known) or "bsa list effects shows them.")
+            raise unknown(f'there is no effect "{name}".', name, known, "bsa list effects shows them.")
     return tuple(effect for effect in made.values() if any(effect.is_called(name) for name in names))
 
 
@@ -93,10 +93,8 @@ def _by_entry(listings: Sequence[Listing], options: Mapping[str, Any]) -> dict[s
             raise BsaError(f'there is no effect "{effect}" to take the option "{key}".', nearest)
         if not meant:
             known = {name for listing in listings for name in listing.entry.config_type.model_fields}
-            hint = did_you_mean(option, known) or (
-                f"options: {', '.join(sorted(known))}." if known else "leave it out."
-            )
-            raise BsaError(f'no effect has an option "{option}".', hint)
+            hint = "options: {}." if known else "leave it out."
+            raise unknown(f'no effect has an option "{option}".', option, sorted(known), hint)
         for entry in meant:
             found[entry.name][option] = value
     return found
