@@ -188,19 +188,9 @@ class Descent:
         return self._feasibility.words if self._search is None and self._feasibility is not None else ""
 
     @property
-    def jacobian_next(self) -> bool:
-        """Whether the candidates asked for are finite differences rather than a step."""
-        return self._search is not None and self._search.stage == "jacobian"
-
-    @property
-    def emulated_next(self) -> bool:
-        """Whether the candidate asked for is an emulator's."""
-        return self._search is not None and self._search.stage == "emulated"
-
-    @property
-    def low_fidelity_next(self) -> bool:
-        """Whether the candidate asked for is the low-fidelity model's."""
-        return self._search is not None and self._search.stage == "low-fidelity"
+    def next_stage(self) -> str:
+        """What the candidates asked for are for, as `LeastSquares.stage` says; empty where nothing runs yet."""
+        return "" if self._search is None else self._search.stage
 
     def ask(self, limit: int, planning_budget: int | None = None) -> list[Candidate]:
         """What to simulate next, at most ``limit`` candidates; empty when done.
@@ -255,9 +245,9 @@ class Descent:
         if len(trials) < len(self._search.ask()):
             self.done, self._early = True, trials
             return
-        measured = self.jacobian_next
+        measured = self._search.stage == "jacobian"
         self._search.tell([trial.residuals for trial in trials])
-        if measured and not self.jacobian_next:
+        if measured and self._search.stage != "jacobian":
             self._objective_before = self._objective(self._search)
         if self._restarting and self._best is not None:
             self._restarting = self._search.cost > self._best.cost

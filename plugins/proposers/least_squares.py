@@ -4,6 +4,13 @@ from ...core.hooks import ProposeContext, RunContext, hookimpl
 from ...core.proposal import Proposal
 from .descent import Descent, DescentOptions
 
+_WHY = {
+    "jacobian": "Finite differences: what does each parameter do here?",
+    "low-fidelity": "Where the low-fidelity model, corrected by the simulations so far, expects the least misfit.",
+    "emulated": "Where an emulator, learnt from the simulations so far, expects the least misfit.",
+}
+"""By what a fit asks for next, where it descends."""
+
 
 class LeastSquaresProposer:
     """Bounded least squares: steps by a low-fidelity model, an emulator or Jacobians; a Jacobian or a step a round.
@@ -46,7 +53,7 @@ def action(descent: Descent) -> str:
     """What kind of move comes next."""
     if descent.status in ("infeasible", "restarting"):
         return "reduce" if descent.status == "infeasible" else "restart"
-    return "jacobian" if descent.jacobian_next else "refine"
+    return "jacobian" if descent.next_stage == "jacobian" else "refine"
 
 
 def words(descent: Descent) -> str:
@@ -57,13 +64,7 @@ def words(descent: Descent) -> str:
         return descent.ending
     if descent.status == "restarting":
         return "The fit ended far from the record: it starts again from another point."
-    if descent.jacobian_next:
-        return "Finite differences: what does each parameter do here?"
-    if descent.low_fidelity_next:
-        return "Where the low-fidelity model, corrected by the simulations so far, expects the least misfit."
-    if descent.emulated_next:
-        return "Where an emulator, learnt from the simulations so far, expects the least misfit."
-    return "The damped least-squares step from the best point."
+    return _WHY.get(descent.next_stage, "The damped least-squares step from the best point.")
 
 
 def numbers(descent: Descent) -> dict[str, float]:
