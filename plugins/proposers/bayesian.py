@@ -16,7 +16,7 @@ from ...core.parameters import ParameterSpace
 from ...core.proposal import Proposal
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial
-from .trial_errors import finite_errors, total_error
+from .trial_errors import finite_errors
 
 _TINY = 1e-6
 """Added to an error before its logarithm is taken, in percent."""
@@ -72,9 +72,9 @@ class BayesianProposer:
             if not first:
                 self._tell(client, space, context.trials)
             asked = client.get_next_trials(max_trials=count)
-        candidates = tuple(space.from_unit(_position(arm, space)) for arm in asked.values())
+        positions = [np.array([float(arm[f"x{axis}"]) for axis in range(len(space))]) for arm in asked.values()]
         return Proposal(
-            candidates,
+            tuple(space.from_unit(position) for position in positions),
             rationale="Sobol points." if first else "Where the surrogate expects the most.",
             action="sample" if first else "model",
             by_simulations=True,
@@ -106,7 +106,7 @@ class BayesianProposer:
 
     def _errors(self, trials: Sequence[Trial], metric: str) -> FloatArray:
         def error(trial: Trial) -> float:
-            return float(getattr(trial.metrics, metric, math.inf)) if metric else total_error(trial)
+            return float(getattr(trial.metrics, metric, math.inf)) if metric else trial.objective
 
         errors = finite_errors(trials, error)
         return np.log10(errors + _TINY) if self._options.logarithm else errors
@@ -124,7 +124,3 @@ class MultiObjectiveProposer(BayesianProposer):
     def __init__(self, options: BayesianOptions, context: RunContext) -> None:
         require_paper(context.task, self._name)
         super().__init__(options, context)
-
-
-def _position(arm: Mapping[str, Any], space: ParameterSpace) -> FloatArray:
-    return np.array([float(arm[f"x{axis}"]) for axis in range(len(space))])

@@ -11,7 +11,7 @@ from ...core.hooks import ProposeContext, RunContext, hookimpl
 from ...core.proposal import Proposal
 from ...core.trajectory import FloatArray
 from ...core.trial import Trial
-from .trial_errors import errors_by_round, total_error
+from .trial_errors import errors_by_round
 
 _GENERATIONS = 10_000
 """More than any budget of simulations holds."""
@@ -73,7 +73,7 @@ class DifferentialEvolutionProposer:
 
     def _error(self, trials: Sequence[Trial]) -> Callable[[Trial], float]:
         """What is minimised."""
-        return total_error
+        return lambda trial: trial.objective
 
     def _next_population(self, origin: FloatArray, known: list[FloatArray]) -> FloatArray | None:
         answers = iter(known)

@@ -12,17 +12,12 @@ ALL_WRONG = 300.0
 """Total MAPE, in percent, of a record that is zero throughout: 100 for each of charge, current and voltage."""
 
 
-def total_error(trial: Trial) -> float:
-    """The trial's objective; infinite after a failure."""
-    return trial.objective
-
-
 def sum_of_squares(trial: Trial) -> float:
     """What least squares minimise; infinite where the trial has no residuals."""
     return float("inf") if trial.residuals is None else float(trial.residuals @ trial.residuals)
 
 
-def finite_errors(trials: Sequence[Trial], error: Callable[[Trial], float] = total_error) -> FloatArray:
+def finite_errors(trials: Sequence[Trial], error: Callable[[Trial], float]) -> FloatArray:
     """The errors of trials, shape (n,); a failed one counts as twice the worst that did not fail.
 
     An infinite error would stop a surrogate or a ranking; an enormous one would flatten everything else. ``error`` is
@@ -34,7 +29,9 @@ def finite_errors(trials: Sequence[Trial], error: Callable[[Trial], float] = tot
     return np.where(np.isfinite(values), values, 2.0 * max(worst, ALL_WRONG))
 
 
-def errors_by_round(context: ProposeContext, error: Callable[[Trial], float] = total_error) -> list[FloatArray]:
+def errors_by_round(
+    context: ProposeContext, error: Callable[[Trial], float] = lambda trial: trial.objective
+) -> list[FloatArray]:
     """The errors of the search so far (`finite_errors`), an array a round; without start and warm-up."""
     trials = [trial for trial in context.trials if trial.phase == "search"]
     if not trials:
