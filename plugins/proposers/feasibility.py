@@ -4,8 +4,9 @@ First what is gentle by rule, since it is cheap and mostly works; then continuat
 around the trial that got farthest.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -39,22 +40,24 @@ def gentle_direction(task: Task) -> FloatArray:
     all where polarisation exhausts a concentration.
     """
     direction = np.zeros(len(task.space))
-    for place, name in enumerate(task.space.names):
-        for rule in task.domain.rules:
-            if rule["parameter"] in name:
-                direction[place] = float("polarisation" in rule[_HELPS]) - float("polarisation" in rule[_HURTS])
+    for place, rule in _rules(task):
+        direction[place] = float("polarisation" in rule[_HELPS]) - float("polarisation" in rule[_HURTS])
     return direction
 
 
 def smaller_direction(task: Task) -> FloatArray:
     """Direction of the parameters that only lower the capacity, shape (p,): -1, or 0 for all others."""
     direction = np.zeros(len(task.space))
-    for place, name in enumerate(task.space.names):
-        for rule in task.domain.rules:
-            polarises = "polarisation" in (*rule[_HELPS], *rule[_HURTS])
-            if rule["parameter"] in name and "discharge_time" in rule[_HURTS] and not polarises:
-                direction[place] = -1.0
+    for place, rule in _rules(task):
+        if "discharge_time" in rule[_HURTS] and "polarisation" not in (*rule[_HELPS], *rule[_HURTS]):
+            direction[place] = -1.0
     return direction
+
+
+def _rules(task: Task) -> Iterator[tuple[int, Mapping[str, Any]]]:
+    """The rules of thumb for the searched parameters, each behind the place of its parameter."""
+    for place, name in enumerate(task.space.names):
+        yield from ((place, rule) for rule in task.domain.rules if rule["parameter"] in name)
 
 
 def outlasts(task: Task, trial: Trial) -> bool:
