@@ -128,13 +128,9 @@ def _signal_features(
         tolerance = 100.0 * tolerance_at(signal, scale, experiment) / scale
         return {f"{name}_{signal.name}_shift_pct": Mismatch(shift, tolerance)}
     shift = signal.shown_scale * float(np.mean(simulated - measured))
-    return {f"{name}_{_shift(task, signal)}": Mismatch(shift, signal.shown_scale * signal.tolerance)}
-
-
-def _shift(task: Task, signal: Signal) -> str:
-    """The end of a feature's name; a single observed signal goes without saying."""
+    # A single observed signal goes without saying.
     subject = "" if task.observed == (signal,) else f"{signal.name}_"
-    return f"{subject}shift_{signal.suffix}"
+    return {f"{name}_{subject}shift_{signal.suffix}": Mismatch(shift, signal.shown_scale * signal.tolerance)}
 
 
 def _swing_features(name: str, pair: StepPair, signal: Signal, begin: float, end: float) -> dict[str, Mismatch]:

@@ -17,11 +17,6 @@ SUCCESS = "simulation_success"
 """The event of a simulation that ran to its end."""
 
 
-def scalar_residuals(task: Task, metrics: Metrics | None) -> dict[str, float]:
-    """The one number a blind optimiser would see, by a name that carries its unit."""
-    return {} if metrics is None else {objective_of(task).told: metrics.objective}
-
-
 def residuals_by_signal(task: Task, metrics: Metrics | None) -> dict[str, float]:
     """The residuals taken apart, so that a cause can be told from its effect."""
     shown = {quantity.told: quantity.shown(metrics) for quantity in told_of(task)}
@@ -71,9 +66,9 @@ class ScalarFeedback:
     def build_feedback(self, outcome: Outcome, metrics: Metrics | None, index: int) -> Feedback:
         """See `RunHooks.build_feedback`."""
         status = [SUCCESS] if outcome.ok else ["simulation_failed"]
-        return Feedback(
-            rounded({"residuals": scalar_residuals(self._task, metrics if outcome.ok else None), "events": status})
-        )
+        objective = objective_of(self._task).told  # Its name, which carries its unit.
+        residuals = {objective: metrics.objective} if outcome.ok and metrics is not None else {}
+        return Feedback(rounded({"residuals": residuals, "events": status}))
 
 
 class StructuredFeedback:
