@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, cast
 
 from ...core.ageing.choice import SHOWN
-from ...core.errors import BsaError, did_you_mean
+from ...core.errors import BsaError, unknown
 from ...core.messages import ALTERNATIVES, JsonSchema
 from ...core.numbers import finite_number
 from ...core.parameters import Candidate, ParameterSpace
@@ -152,9 +152,7 @@ def check_action(reply: Mapping[str, Any], offer: Offer, base: Candidate, trials
     kind = reply.get("action", "set")
     if kind not in offer.kinds:
         shown = strip_control(str(kind))[:40]
-        raise BsaError(
-            f'"action" is "{shown}".', did_you_mean(str(kind), offer.kinds) or f"choose one of {list(offer.kinds)}."
-        )
+        raise unknown(f'"action" is "{shown}".', str(kind), offer.kinds, f"choose one of {list(offer.kinds)}.")
     limits = {"analysis": _ANALYSIS * offer.reasoning, "hypothesis": _HYPOTHESIS, "rationale": _RATIONALE}
     words = {name: strip_control(str(reply.get(name, "")))[:limit] for name, limit in limits.items()}
     candidates: list[Candidate] = []
@@ -199,10 +197,8 @@ def _parameters(asked: Any, space: ParameterSpace) -> tuple[str, ...]:
 
 def _step(asked: Any, offer: Offer) -> str:
     if asked not in offer.steps:
-        raise BsaError(
-            f'"step" is "{strip_control(str(asked))[:40]}".',
-            did_you_mean(str(asked), offer.steps) or f"choose one of {list(offer.steps)}.",
-        )
+        shown = strip_control(str(asked))[:40]
+        raise unknown(f'"step" is "{shown}".', str(asked), offer.steps, f"choose one of {list(offer.steps)}.")
     return str(asked)
 
 

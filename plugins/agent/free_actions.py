@@ -62,5 +62,5 @@ def _curves(name: str, situation: Situation) -> dict[str, Any]:
         unit = "pct" if signal.relative else signal.shown
         heads = ["at_pct", f"measured_{signal.unit}", f"simulated_{signal.unit}", f"residual_{unit}"]
         rows = zip((100.0 * fractions).tolist(), *(values.tolist() for values in found.values()), strict=True)
-        content[signal.name] = rounded(table(heads, [[round(value, _DECIMALS) for value in row] for row in rows]), 5)
+        content[signal.name] = table(heads, [[round(value, _DECIMALS) for value in row] for row in rows])
     return rounded(content, 5)  # type: ignore[no-any-return]

@@ -5,7 +5,6 @@ from typing import Literal
 from ...core.messages import Message
 from ...core.task import Task
 from ...core.trial import Trial
-from .ageing_method import METHOD
 
 TaskKind = Literal["curves", "driven", "life", "number"]
 
@@ -34,7 +33,19 @@ adds wrong durations up. {_MISFIT}""",
 What drives the record is imposed as it was measured, so that durations are right by themselves. Mismatches are \
 simulated minus measured at equal times; parts of a step are told by percent of its duration (early 5-25 %, middle \
 40-60 %, late 75-95 %; at_30_pct: about 30 %). {_MISFIT}""",
-    "life": METHOD,
+    "life": """\
+You match a cell's ageing over its life. Work like a scientist: see how much capacity is lost, whether the loss is \
+straight, levels off or turns steeper at a knee, and whether resistance grows with it; suppose which mechanism does \
+that, and test it by a targeted change. Several causes may act at once: use the measured effects.
+A loss of lithium alone (SEI growth, plating) lowers the capacity and hardly bends the voltage curve; a loss of active \
+material moves and shrinks the steps of one electrode in the curve; a film's resistance shifts the voltage apart on \
+charge and discharge. A fade that follows the square root of time is limited by diffusion through the film, a straight \
+one by the reaction. What is off in the first cycle already is the cell, not its ageing: match that first.
+Mismatches are simulated minus measured. A few cycles are compared by their curves, each on its own clock, and their \
+steps at equal fractions of their own duration (early 5-25 %, middle 40-60 %, late 75-95 %); all cycles count by \
+capacity and resistance. A tolerance is the size of a mismatch that counts as one. misfit_tolerances, the root mean \
+square of all residuals in tolerances, decides: the trial where it is least is the present one, from which changes are \
+made. Other errors are reported only.""",
     "number": """\
 Work like a scientist: form one hypothesis about what is off, and test it by a targeted change. Of each simulation you \
 are told how large its error is; the trial with the least is the present one, from which changes are made.""",

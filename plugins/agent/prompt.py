@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from ...core.messages import Message
 from ...core.prompt_sections import DIGEST, INSTRUCTION, section, title
 from .actions import MOST_AT_ONCE, Kind, Offer
-from .ageing_method import LOOK_AT
 from .linear_advice import digest
 from .method import system_message
 from .situation import Situation
@@ -29,6 +28,10 @@ _COPY = """\
 Answer with one JSON object. This one takes the suggested change; copy it, or change its numbers where you can give a \
 reason. A "*" multiplies the present value by the number behind it."""
 
+_LOOK_AT = """\
+With any action you may list in "look_at" the cycles that the next feedback is to show in detail, such as \
+[1, 40, 200]; of cycles without curves the nearest one that has them is shown."""
+
 _MEASURE = "Answer with one JSON object. This one measures what each parameter does here, which comes first now."
 
 
@@ -36,7 +39,7 @@ def instruction(offer: Offer, gentler: str) -> str:
     """What may be asked for, a line an action, and how it is written."""
     told = {**_ACTIONS, "reduce": gentler}
     actions = "\n".join(f'- "{kind}": {told[kind]}' for kind in offer.kinds)
-    more = f"\n{LOOK_AT}" if offer.cycles else ""
+    more = f"\n{_LOOK_AT}" if offer.cycles else ""
     return f"{_WRITTEN} The actions:\n{actions}{more}"
 
 

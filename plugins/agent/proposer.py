@@ -1,5 +1,6 @@
 """The agent proposer: a round is one action, after as many free questions as it likes to ask, up to a few."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -61,9 +62,10 @@ class AgentProposer:
         situation = Situation.of(context, last, self._clipped, self._look_at, self._failed)
         offer, messages = self._digest(situation) if self._options.digest else self._whole(situation)
         answer, free = converse(self._backend, situation, offer, messages, self._options.free_actions)
-        self._clipped = answer.value.projected if answer.value is not None else ()
-        self._look_at = answer.value.look_at if answer.value is not None else self._look_at
-        self._measured = answer.value is not None and answer.value.kind == "jacobian"
+        action = answer.value
+        self._clipped = action.projected if action is not None else ()
+        self._look_at = action.look_at if action is not None else self._look_at
+        self._measured = action is not None and action.kind == "jacobian"
         return _proposal(answer, free, situation)
 
     def _note_attempts(self, context: ProposeContext) -> None:
@@ -91,31 +93,20 @@ class AgentProposer:
         return offer, build_digest(situation, offer, change)
 
     def _whole(self, situation: Situation) -> tuple[Offer, list[Message]]:
-        offer = self._offer(situation)
+        kinds: list[Kind] = ["set"]
+        if situation.context.simulations_left > 1:
+            # What nothing remembers need not be measured.
+            kinds += ["simulate", "jacobian"] if situation.remembers else ["simulate"]
+        offer = offer_of(situation, kinds, self._options.free_actions, self._options.reasoning)
         return offer, build_messages(situation, offer)
 
-    def _offer(self, situation: Situation) -> Offer:
-        left = situation.context.simulations_left
-        kinds: list[Kind] = ["set"]
-        if left > 1:
-            kinds.append("simulate")
-            # What nothing remembers need not be measured.
-            kinds += ["jacobian"] if situation.remembers else []
-        return Offer(
-            (*kinds, *offered_free(situation, self._options.free_actions)),
-            situation.task.space,
-            steps_to_look_at(situation),
-            self._options.reasoning,
-            cycles=situation.cycles,
-        )
 
-
-def offered_free(situation: Situation, most: int) -> list[Kind]:
-    """The free actions that have something to show."""
-    if not most:
-        return []
-    shown = {"predict": bool(situation.sensitivities.effects), "look": bool(steps_to_look_at(situation))}
-    return [kind for kind in FREE if shown[kind]]
+def offer_of(situation: Situation, kinds: Sequence[Kind], most_free: int, reasoning: bool = True) -> Offer:
+    """These actions, and the free ones that have something to show."""
+    task, steps = situation.task, steps_to_look_at(situation)
+    shown = {"predict": bool(situation.sensitivities.effects), "look": bool(steps)}
+    free = [kind for kind in FREE if most_free and shown[kind]]
+    return Offer((*kinds, *free), task.space, steps, reasoning, bool(task.domain.drives), situation.cycles)
 
 
 def converse(

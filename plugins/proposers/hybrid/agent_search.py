@@ -37,9 +37,7 @@ class AgentSearch:
         self._space = space
         self._left = allowance
         self._robust = robust
-        if residual is not None and jacobian is not None and robust:
-            jacobian = jacobian / np.sqrt(1.0 + np.square(residual / _ROBUST_ABOVE))[:, None]
-        self._search = LeastSquares(start, self._flattened(residual), Settings(radius=0.15), free, jacobian)
+        self._search = LeastSquares(start, residual, Settings(radius=0.15), free, jacobian)
 
     def ask(self, limit: int) -> list[Candidate]:
         """What to simulate next; empty when the search is over or cannot go on within the limit."""
@@ -57,14 +55,12 @@ class AgentSearch:
             self._left = 0
             return
         self._left -= len(trials)
-        self._search.tell([self._flattened(trial.residuals) for trial in trials])
+        told = [trial.residuals for trial in trials]
+        if self._robust:
+            told = [None if residual is None else robust(residual, _ROBUST_ABOVE) for residual in told]
+        self._search.tell(told)
 
     @property
     def over(self) -> bool:
         """Whether nothing more is to come."""
         return self._left <= 0 or self._search.done
-
-    def _flattened(self, residual: FloatArray | None) -> FloatArray | None:
-        if residual is None or not self._robust:
-            return residual
-        return robust(residual, _ROBUST_ABOVE)

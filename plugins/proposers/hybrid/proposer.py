@@ -14,14 +14,15 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ....core.hooks import ProposeContext, RunContext, hookimpl
+from ....core.inference.identifiability import effective_noise, identify
+from ....core.inference.residual_errors import NOISE_FLOOR
 from ....core.parameters import Candidate
 from ....core.prompt_sections import RECORD
 from ....core.proposal import ALREADY_SIMULATED, CHANGED_FROM, FIT, PROBLEMS, Proposal
 from ....core.trial import Trial, simulated_with
-from ...agent.actions import Action, Kind, Offer
+from ...agent.actions import Action, Kind
 from ...agent.conversation import Answer
-from ...agent.free_actions import steps_to_look_at
-from ...agent.proposer import converse, offered_free, require_backend
+from ...agent.proposer import converse, offer_of, require_backend
 from ...agent.situation import Situation
 from ..continuation import LOWERED, Continuation, CurrentRateContinuation, FirstCycleContinuation, Reductions
 from ..descent import Descent, DescentOptions
@@ -30,7 +31,6 @@ from ..least_squares import action as main_action
 from ..least_squares import numbers, words
 from ..trial_errors import sum_of_squares
 from .agent_search import AgentSearch
-from .learnt import settled_questions
 from .prompt import build_messages
 
 _NUDGE = 0.1
@@ -161,18 +161,13 @@ class HybridProposer:
         kinds: list[Kind] = ["refine", "set", "jacobian", "restart", "reduce"]
         if allowance > 1:
             kinds.insert(2, "simulate")
-        offer = Offer(
-            (*kinds, *offered_free(situation, self._options.free_actions)),
-            self._space,
-            steps_to_look_at(situation),
-            drives=bool(context.task.domain.drives),
-            cycles=situation.cycles,
-        )
+        offer = offer_of(situation, kinds, self._options.free_actions)
         self._present = situation.base.index
         messages = build_messages(situation, offer, self._numerics(main_fit, allowance))
         answer, _ = converse(self._backend, situation, offer, messages, self._options.free_actions)
-        self._clipped = answer.value.projected if answer.value is not None else ()
-        self._look_at = answer.value.look_at if answer.value is not None else self._look_at
+        action = answer.value
+        self._clipped = action.projected if action is not None else ()
+        self._look_at = action.look_at if action is not None else self._look_at
         return answer
 
     def _numerics(self, main_fit: Descent, allowance: int) -> dict[str, Any]:
@@ -185,12 +180,19 @@ class HybridProposer:
         best = main_fit.best
         if best is not None and best.jacobian is not None and best.residual is not None:
             here = self._space.from_unit(best.point)
-            content[RECORD] = settled_questions(best.jacobian, best.residual, self._space, here)
+            noise = effective_noise(best.residual, len(self._space), NOISE_FLOOR)
+            found = identify(best.jacobian, best.residual, self._space, here, noise)
+            content[RECORD] = {
+                "leaves_open": list(found.open),
+                "narrows": list(found.loose),
+                "only_together": [list(group) for group in found.correlated],
+            }
         return content
 
     def _begin(self, action: Action, context: ProposeContext, main_fit: Descent, allowance: int) -> list[Candidate]:
         """Start what the agent asked for: candidates to try at once, or a search of its own."""
         self._log.append({"action": action.kind, "hypothesis": action.hypothesis[:120]})
+        free = np.array([not action.parameters or name in action.parameters for name in self._space.names])
         count = min(action.simulations, allowance)
         if action.carries_on:
             self._hold = action.simulations
@@ -207,23 +209,14 @@ class HybridProposer:
             self._agent_search = AgentSearch(self._space, start, count, jacobian=jacobian, robust=True)
         elif action.kind == "restart":
             trial = context.trials[action.trial or 0]
-            self._agent_search = self._search_from(trial, main_fit, count, allowance)
+            self._agent_search = self._search_from(trial, main_fit, count, allowance, free)
+        elif main_fit.base is not None and action.kind == "refine":
+            base = main_fit.base
+            start = self._space.to_unit(base.candidate)
+            self._agent_search = AgentSearch(self._space, start, count, base.residuals, _jacobian(main_fit), free)
         elif main_fit.base is not None:
-            free = None
-            if action.parameters:
-                free = np.array([name in action.parameters for name in self._space.names])
-            if action.kind == "refine":
-                self._agent_search = AgentSearch(
-                    self._space,
-                    self._space.to_unit(main_fit.base.candidate),
-                    count,
-                    main_fit.base.residuals,
-                    _jacobian(main_fit),
-                    free,
-                )
-            else:
-                count = max(count, self._differences(free) + 3)
-                self._agent_search = self._search_from(main_fit.base, main_fit, count, allowance, free)
+            count = max(count, int(np.count_nonzero(free)) + 3)
+            self._agent_search = self._search_from(main_fit.base, main_fit, count, allowance, free)
         return []
 
     def _continuation(self, action: Action, context: ProposeContext, count: int) -> Continuation:
@@ -239,24 +232,15 @@ class HybridProposer:
         return CurrentRateContinuation(self._space, point, gentle_direction(context.task), rates)
 
     def _search_from(
-        self,
-        start: Trial,
-        main_fit: Descent,
-        count: int,
-        allowance: int,
-        free: NDArray[np.bool_] | None = None,
+        self, start: Trial, main_fit: Descent, count: int, allowance: int, free: NDArray[np.bool_]
     ) -> AgentSearch:
         """From a trial, with derivatives of its own where the allowance covers them; ``free`` is what may move."""
-        differences = self._differences(free)
+        differences = int(np.count_nonzero(free))
         fresh = allowance > differences + 1
         count = max(count, differences + 2) if fresh else count
         jacobian = None if fresh else _jacobian(main_fit)
         point = self._space.to_unit(start.candidate)
         return AgentSearch(self._space, point, min(count, allowance), start.residuals, jacobian, free)
-
-    def _differences(self, free: NDArray[np.bool_] | None) -> int:
-        """How many simulations derivatives take."""
-        return len(self._space) if free is None else int(np.count_nonzero(free))
 
     def _proposal(
         self,
