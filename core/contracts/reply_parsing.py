@@ -5,7 +5,6 @@ import math
 import re
 from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 
 from ..errors import BsaError
@@ -49,54 +48,39 @@ def parse_object(text: str, keys: Iterable[str] = ()) -> dict[str, Any]:
     for part in dict.fromkeys((text.rpartition(_END_OF_THOUGHTS)[2], text)):
         found = _objects(part)
         if found:
-            best = max(
-                enumerate(found), key=lambda pair: (len(wanted & pair[1].value.keys()), pair[1].complete, pair[0])
-            )
-            return best[1].value
+            best, _ = max(reversed(found), key=lambda pair: (len(wanted & pair[0].keys()), pair[1]))
+            return best
     raise BsaError(
         "the reply is empty." if not text.strip() else "the reply holds no JSON object.",
         "answer with one JSON object and nothing else.",
     )
 
 
-@dataclass(frozen=True)
-class _Found:
-    value: dict[str, Any]
-    complete: bool
-
-
 class _NotAnObjectError(Exception):
     """The text at this place does not read as JSON, however kindly."""
 
 
-def _objects(text: str) -> list[_Found]:
-    """Every outermost object in the text, in order."""
-    found: list[_Found] = []
+def _objects(text: str) -> list[tuple[dict[str, Any], bool]]:
+    """Every outermost object in the text, in order, and whether it is complete."""
+    found: list[tuple[dict[str, Any], bool]] = []
     work_left = _MAX_PASSES * len(text)
     position = text.find("{")
     for _ in range(_MAX_STARTS):
         if position < 0 or work_left <= 0:
             break
-        end = _read_strictly(text, position, found)
-        if end is None:
+        try:
+            value, end = _STRICT.raw_decode(text, position)
+            found.append((_clean(value), True))
+        except (ValueError, RecursionError):
+            end = position + 1
             reader = _KindReader(text, position)
             with suppress(_NotAnObjectError):
                 value = reader.read_object(0)
-                found.append(_Found(value, reader.complete))
+                found.append((value, reader.complete))
                 end = reader.position
             work_left -= reader.position - position
-        position = text.find("{", position + 1 if end is None else end)
+        position = text.find("{", end)
     return found
-
-
-def _read_strictly(text: str, position: int, found: list[_Found]) -> int | None:
-    try:
-        value, end = _STRICT.raw_decode(text, position)
-        value = _clean(value)
-    except (ValueError, RecursionError):
-        return None
-    found.append(_Found(value, True))
-    return end
 
 
 def _number(literal: str) -> int | float | str:
