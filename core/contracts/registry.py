@@ -204,10 +204,6 @@ class Registry:
         parts = [nearest, f"Available: {', '.join(sorted(names)) or 'none'}.", *missing]
         raise BsaError(f'there is no {kind} "{name}".', " ".join(part for part in parts if part))
 
-    def get(self, kind: Kind, name: str) -> Entry:
-        """The entry of this kind and name; see `find`."""
-        return self.find(kind, name).entry
-
     def configure(self, kind: Kind, name: str, options: Mapping[str, Any]) -> Any:
         """Check a plugin's options against its configuration type.
 

@@ -38,7 +38,7 @@ def test_built_in_and_third_party_plugins_are_found_the_same_way() -> None:
 
 def test_an_unknown_name_is_met_with_the_nearest() -> None:
     with pytest.raises(BsaError, match=r'there is no memory "elefant"\. Hint: did you mean "elephant"\?'):
-        registry(plugin(entry())).get("memory", "elefant")
+        registry(plugin(entry())).find("memory", "elefant")
 
 
 def reasons(found: Registry) -> list[str]:
@@ -49,14 +49,14 @@ def test_of_two_strangers_with_one_name_neither_is_preferred() -> None:
     found = registry(plugin(entry()), plugin(entry(), entry("ant")))
     assert found.names("memory") == ["ant"]
     with pytest.raises(BsaError, match=r"dist-0 1\.0: the name is also offered by dist-1 1\.1; dist-1 1\.1: the name"):
-        found.get("memory", "elephant")
+        found.find("memory", "elephant")
 
 
 def test_a_built_in_name_stays_built_in() -> None:
     result = Registry()
     result.register(plugin(entry(summary="A stranger's.")), "memory", "zz-fault 0.1")
     result.register(plugin(entry(summary="Ours.")), "memory", "battery-sim-agent 9.9")
-    assert result.collect().get("memory", "elephant").summary == "Ours."
+    assert result.collect().find("memory", "elephant").entry.summary == "Ours."
     assert reasons(result) == ["memory elephant of zz-fault 0.1: the name is taken by battery-sim-agent 9.9"]
 
 
@@ -96,7 +96,7 @@ def test_an_entry_that_cannot_work_is_passed_over_with_its_reason(bad: object, w
     assert words in reason
     if "memory worm" in reason:
         with pytest.raises(BsaError, match=r'the memory "worm" cannot be used \(dist-0 1\.0: it'):
-            found.get("memory", "worm")
+            found.find("memory", "worm")
 
 
 def test_methods_that_would_never_be_called_are_reported_with_the_nearest_hook() -> None:
@@ -133,9 +133,9 @@ def test_who_looks_for_one_kind_is_not_told_of_the_faults_of_another() -> None:
 
     found = registry(SimpleNamespace(bsa_readers=hookimpl(bsa_readers)), plugin(entry()))
     with pytest.raises(BsaError, match="boom"):
-        found.get("reader", "zz")
+        found.find("reader", "zz")
     with pytest.raises(BsaError) as raised:
-        found.get("memory", "zz")
+        found.find("memory", "zz")
     assert "boom" not in raised.value.hint
 
 

@@ -69,7 +69,7 @@ def test_who_asks_for_what_a_broken_plugin_may_offer_is_told_of_it(stranger: Ins
     code, reason = BROKEN[name]
     stranger(code, name)
     with pytest.raises(BsaError, match='there is no memory "zz-mem"') as raised:
-        Registry().load_entry_points().get("memory", "zz-mem")
+        Registry().load_entry_points().find("memory", "zz-mem")
     assert f"{name} 0.1 cannot be used" in raised.value.hint
     assert reason in raised.value.hint
 
@@ -80,7 +80,7 @@ def test_two_strangers_of_one_name_are_both_named(stranger: Install) -> None:
     found = Registry().load_entry_points()
     assert "zz-mem" not in found.names("memory")
     with pytest.raises(BsaError) as raised:
-        found.get("memory", "zz-mem")
+        found.find("memory", "zz-mem")
     assert "zz-first 0.1: the name is also offered by zz-second 0.1" in str(raised.value)
     assert raised.value.hint in (
         "update or uninstall zz-first or zz-second.",

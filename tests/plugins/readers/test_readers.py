@@ -414,7 +414,7 @@ def test_every_reader_is_listed_and_fits_the_protocol():
     names = installed().names("reader")
     assert {"bdf-csv", "generic-csv", "arbin-xlsx", "digatron-csv"} <= set(names)
     for name in names:
-        entry = installed().get("reader", name)
+        entry = installed().find("reader", name).entry
         assert isinstance(entry.factory(entry.config_type()), Reader)
 
 
