@@ -4,7 +4,7 @@ All of it is journalled: a run that is interrupted here goes on where it was.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass
 from typing import Any
 
 from ..comparison.record_errors import RecordErrors, errors_by_record, misfits
@@ -46,21 +46,17 @@ class Score:
     records: tuple[RecordErrors, ...] = ()  # Record by record; empty where it did not run with that accuracy.
 
 
+@dataclass(eq=False)
 class AfterSearch:
     """The steps of a run after its search. What the events of an interrupted run hold is not found out again."""
 
-    def __init__(
-        self,
-        task: Task,
-        plugins: RunPlugins,
-        journal: Journal,
-        earlier: Sequence[Mapping[str, Any]],
-        listener: Listener = SILENT,
-    ) -> None:
-        self._task = task
-        self._plugins = plugins
-        self._journal = journal
-        self._listener = listener
+    task: Task
+    plugins: RunPlugins
+    journal: Journal
+    earlier: InitVar[Sequence[Mapping[str, Any]]]
+    listener: Listener = SILENT
+
+    def __post_init__(self, earlier: Sequence[Mapping[str, Any]]) -> None:
         self.cut_short = False
         """Whether a person interrupted it: what is lacking is found out when the run is taken up again."""
         self._simulated: list[Mapping[str, Any]] = [event for event in earlier if event["event"] == ANALYSIS_SIMULATION]
@@ -82,24 +78,24 @@ class AfterSearch:
         }
         missing = [trial for index, trial in wanted.items() if index not in scores]
         if missing:
-            simulations = WatchedSimulations(self._plugins, self._listener.counted)
+            simulations = WatchedSimulations(self.plugins, self.listener.counted)
             for place, outcome in simulations.simulate([trial.candidate for trial in missing], True):
                 scores[missing[place].index] = self._scored(missing[place], outcome)
-                if self._task.long:
+                if self.task.long:
                     # The analysis asks for that of the best trial again, and every cycle of a life takes minutes.
                     self._simulated.append(simulated(missing[place].candidate, outcome, exact=True))
         return scores
 
     def _scored(self, trial: Trial, outcome: Outcome) -> Score:
-        metrics = evaluate(self._task, outcome) if outcome.ok else None
+        metrics = evaluate(self.task, outcome) if outcome.ok else None
         if metrics is None and trial.ok:
             self._note(
                 f"Simulation {trial.index} ran on the search mesh but not with reference accuracy "
                 f"({outcome.failure.cause if outcome.failure else 'nothing to compare'}); its search score stands."
             )
             metrics = trial.metrics
-        records = errors_by_record(self._task, outcome) if outcome.ok else ()
-        self._journal.append(
+        records = errors_by_record(self.task, outcome) if outcome.ok else ()
+        self.journal.append(
             SCORE,
             index=trial.index,
             metrics=None if metrics is None else metrics.as_json(),
@@ -118,16 +114,16 @@ class AfterSearch:
         if known is not None or self.cut_short:
             return known
         if best.ok:
-            self._listener.noted("The search has ended; now what the record fixes, and what to measure next.")
+            self.listener.noted("The search has ended; now what the record fixes, and what to measure next.")
         try:
             simulating = self._journalled(exact=REFERENCE)
-            found = analyse(self._task, trials, best, simulating, budget, self._plugins.weighs_priors())
+            found = analyse(self.task, trials, best, simulating, budget, self.plugins.weighs_priors())
         except KeyboardInterrupt:
             self.cut_short = True
             self._note(NOT_ANALYSED)
             return None
         if found is not None:
-            self._journal.append(ANALYSIS, appraisal=found.as_json())
+            self.journal.append(ANALYSIS, appraisal=found.as_json())
         return found
 
     def forecast(self, best: Trial) -> tuple[Prediction, ...]:
@@ -135,7 +131,7 @@ class AfterSearch:
 
         Nothing if it was predicted before, or the task is no life.
         """
-        if not self._task.long or best.index in self._predictions:
+        if not self.task.long or best.index in self._predictions:
             return ()
         return self.predict(best, None)
 
@@ -143,7 +139,7 @@ class AfterSearch:
         self, best: Trial, analysis: PostFitAnalysis | None, fitted: Sequence[RecordErrors] = ()
     ) -> tuple[Prediction, ...]:
         """The held-out records at the best trial's parameters, given the errors of those that were fitted."""
-        if not (best.ok and self._task.held_out):
+        if not (best.ok and self.task.held_out):
             return ()
         known = self._predictions.get(best.index)
         before = () if known is None else tuple(decode_prediction(content) for content in known["predictions"])
@@ -156,29 +152,29 @@ class AfterSearch:
         # several starts, by which the journal does not tell them apart.
         simulating = (
             self._journalled(variants=BAND if draws else FORECAST)
-            if self._task.long
-            else WatchedSimulations(self._plugins, self._listener.counted, variants=NOT_FITTED)
+            if self.task.long
+            else WatchedSimulations(self.plugins, self.listener.counted, variants=NOT_FITTED)
         )
         try:
-            found = predict(self._task, best.candidate, self._task.held_out, simulating, draws, misfits(fitted))
+            found = predict(self.task, best.candidate, self.task.held_out, simulating, draws, misfits(fitted))
         except KeyboardInterrupt:
             self.cut_short = True
             self._note(NO_BAND if before else NOT_PREDICTED)
             return before
         event = {"predictions": [encode_prediction(one) for one in found], "draws": len(draws)}
-        self._journal.append(HELD_OUT, base=best.index, **event)
+        self.journal.append(HELD_OUT, base=best.index, **event)
         self._predictions[best.index] = event
         return found
 
     def _journalled(self, **purposes: str) -> JournalledSimulations:
         """Simulations that are written down and not made again; those that are made are counted aloud."""
         return JournalledSimulations(
-            WatchedSimulations(self._plugins, self._listener.counted, **purposes), self._journal, self._simulated
+            WatchedSimulations(self.plugins, self.listener.counted, **purposes), self.journal, self._simulated
         )
 
     def _note(self, text: str) -> None:
-        self._journal.append("note", text=text)
-        self._listener.noted(text)
+        self.journal.append("note", text=text)
+        self.listener.noted(text)
 
 
 def read_record_errors(event: Mapping[str, Any]) -> tuple[RecordErrors, ...]:

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from ..encoding import decode_outcome, encode_outcome
@@ -24,37 +25,35 @@ Watch = Callable[[str, int, int], None]
 """Called with what the simulations are for, how many are done, and how many there are."""
 
 
+@dataclass(eq=False)
 class _SimulatingAround:
     """A simulator that asks another one; see `Simulating`."""
 
-    def __init__(self, inner: Simulating) -> None:
-        self._inner = inner
+    inner: Simulating
 
     def simulate_finer(self, candidate: Candidate) -> Outcome | None:
         """See `RunHooks.simulate_finer`; it is one simulation, and neither written down nor counted."""
-        return self._inner.simulate_finer(candidate)
+        return self.inner.simulate_finer(candidate)
 
     def next_protocols(self) -> Mapping[str, Protocol]:
         """See `RunHooks.next_protocols`."""
-        return self._inner.next_protocols()
+        return self.inner.next_protocols()
 
 
+@dataclass(eq=False)
 class JournalledSimulations(_SimulatingAround):
     """A simulator behind the journal; see `Simulating`.
 
-    ``inner`` simulates what ``known`` does not hold, the run's events `ANALYSIS_SIMULATION` so far. Each outcome is
-    written whole, since what is derived from it depends on other outcomes too.
+    Each outcome is written whole, since what is derived from it depends on other outcomes too.
     """
 
-    def __init__(self, inner: Simulating, journal: Journal, known: list[Mapping[str, Any]]) -> None:
-        super().__init__(inner)
-        self._journal = journal
-        self._known = known
+    journal: Journal
+    known: list[Mapping[str, Any]]  # The run's events `ANALYSIS_SIMULATION` so far; ``inner`` simulates the rest.
 
     def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
         """See `RunHooks.simulate`."""
         known, missing = self._sorted(candidates, _WHOLE_TASK, exact)
-        made = self._inner.simulate([candidates[place] for place in missing], exact) if missing else ()
+        made = self.inner.simulate([candidates[place] for place in missing], exact) if missing else ()
         return self._all(candidates, _WHOLE_TASK, known, missing, made, exact)
 
     def simulate_variant(
@@ -64,7 +63,7 @@ class JournalledSimulations(_SimulatingAround):
         names = [experiment.name for experiment in experiments]
         known, missing = self._sorted(candidates, names, exact)
         left = [candidates[place] for place in missing]
-        made = self._inner.simulate_variant(left, experiments, exact) if missing else ()
+        made = self.inner.simulate_variant(left, experiments, exact) if missing else ()
         return None if made is None else self._all(candidates, names, known, missing, made, exact)
 
     def _sorted(
@@ -74,7 +73,7 @@ class JournalledSimulations(_SimulatingAround):
         known = {
             place: decode_outcome(event["outcome"])
             for place, candidate in enumerate(candidates)
-            for event in self._known
+            for event in self.known
             if event["experiments"] == experiments
             and event["candidate"] == dict(candidate)
             and event.get("exact", False) == exact
@@ -94,10 +93,10 @@ class JournalledSimulations(_SimulatingAround):
         for number, outcome in made:
             place = missing[number]
             event = simulated(candidates[place], outcome, experiments, exact)
-            self._journal.append(ANALYSIS_SIMULATION, **event)
+            self.journal.append(ANALYSIS_SIMULATION, **event)
             if exact:
                 # A forecast is simulated before its band, which begins with it.
-                self._known.append(event)
+                self.known.append(event)
             yield place, outcome
 
 
@@ -109,39 +108,38 @@ def simulated(
     return event | ({"exact": True} if exact else {})
 
 
+@dataclass(eq=False)
 class WatchedSimulations(_SimulatingAround):
     """A simulator after the search; see `Simulating`.
 
-    ``watch`` is told at the beginning and after each simulation; ``variants`` is what simulations of other experiments
-    than the task's are for, ``exact`` what those with reference accuracy are for. What serves one purpose is counted on
-    from round to round: how many rounds of draws there are is not known before.
+    What serves one purpose is counted on from round to round: how many rounds of draws there are is not known before.
     """
 
-    def __init__(self, inner: Simulating, watch: Watch, variants: str = NEXT, exact: str = FINAL_SCORES) -> None:
-        super().__init__(inner)
-        self._watch = watch
-        self._variants = variants
-        self._exact = exact
+    watch: Watch  # Told at the beginning and after each simulation.
+    variants: str = NEXT  # What simulations of other experiments than the task's are for.
+    exact: str = FINAL_SCORES  # What those with reference accuracy are for.
+
+    def __post_init__(self) -> None:
         self._done: Counter[str] = Counter()
 
     def simulate(self, candidates: Sequence[Candidate], exact: bool) -> Iterator[tuple[int, Outcome]]:
         """See `RunHooks.simulate`."""
-        purpose = self._exact if exact else FIXED
-        return self._counted(purpose, self._inner.simulate(candidates, exact), len(candidates))
+        purpose = self.exact if exact else FIXED
+        return self._counted(purpose, self.inner.simulate(candidates, exact), len(candidates))
 
     def simulate_variant(
         self, candidates: Sequence[Candidate], experiments: tuple[Experiment, ...], exact: bool = False
     ) -> Iterator[tuple[int, Outcome]] | None:
         """See `RunHooks.simulate_variant`."""
-        outcomes = self._inner.simulate_variant(candidates, experiments, exact)
-        return None if outcomes is None else self._counted(self._variants, outcomes, len(candidates))
+        outcomes = self.inner.simulate_variant(candidates, experiments, exact)
+        return None if outcomes is None else self._counted(self.variants, outcomes, len(candidates))
 
     def _counted(
         self, purpose: str, outcomes: Iterable[tuple[int, Outcome]], total: int
     ) -> Iterator[tuple[int, Outcome]]:
         before = self._done[purpose]
-        self._watch(purpose, before, before + total)
+        self.watch(purpose, before, before + total)
         for pair in outcomes:
             self._done[purpose] += 1
-            self._watch(purpose, self._done[purpose], before + total)
+            self.watch(purpose, self._done[purpose], before + total)
             yield pair

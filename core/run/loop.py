@@ -94,44 +94,31 @@ class RunResult:
     cut_short: bool = False  # Whether what follows the finished search was interrupted; a resumed run goes on with it.
 
 
+@dataclass(eq=False)
 class Run:
-    """One run of one task.
+    """One run of one task."""
 
-    ``recorder`` keeps the books of the language model; ``earlier`` are the events of the interrupted run, if any.
-    ``analysing`` looks, after the search, at what the records fix, which costs simulations that are not the search's;
-    without it only an analysis that the journal holds is told.
-    ``forecast`` is given the result as soon as the rest of a life is forecast, before that analysis.
-    """
+    task: Task
+    config: RunConfig
+    plugins: RunPlugins
+    recorder: Recorder  # Keeps the books of the language model.
+    journal: Journal
+    folder: Path
+    earlier: Sequence[Mapping[str, Any]] = ()  # Events of the interrupted run, if any.
+    listener: Listener = SILENT
+    # Whether it looks, after the search, at what the records fix, which costs simulations that are not the search's.
+    # Without it only an analysis that the journal holds is told.
+    analysing: bool = False
+    # Is given the result as soon as the rest of a life is forecast, before that analysis.
+    forecast: Callable[[RunResult], None] = lambda result: None
 
-    def __init__(
-        self,
-        task: Task,
-        config: RunConfig,
-        plugins: RunPlugins,
-        recorder: Recorder,
-        journal: Journal,
-        folder: Path,
-        earlier: Iterable[Mapping[str, Any]] = (),
-        listener: Listener = SILENT,
-        analysing: bool = False,
-        forecast: Callable[[RunResult], None] = lambda result: None,
-    ) -> None:
-        self._forecast = forecast
-        self._task = task
-        self._config = config
-        self._plugins = plugins
-        self._recorder = recorder
-        self._journal = journal
-        self._folder = folder
-        self._listener = listener
-        self._earlier = earlier = list(earlier)
-        self._earlier_trials = {event["index"]: event for event in earlier if event["event"] == "trial"}
-        self._budget = SimulationBudget(config, earlier)
+    def __post_init__(self) -> None:
+        self._earlier_trials = {event["index"]: event for event in self.earlier if event["event"] == "trial"}
+        self._budget = SimulationBudget(self.config, self.earlier)
         self._proposals = 0
-        self._earlier_proposals = sum(event["event"] == "proposal" for event in earlier)
-        self._earlier_s = spent_s(earlier)
-        self._analysing = analysing
-        self._low_fidelity = LowFidelitySimulations(task, plugins, journal, earlier, listener)
+        self._earlier_proposals = sum(event["event"] == "proposal" for event in self.earlier)
+        self._earlier_s = spent_s(self.earlier)
+        self._low_fidelity = LowFidelitySimulations(self.task, self.plugins, self.journal, self.earlier, self.listener)
         self._trials: list[Trial] = []
         self._lacking = self._advice = ""
         self._repetition_told = False
@@ -152,7 +139,7 @@ class Run:
         status: Status
         reason = ""
         try:
-            self._simulate([self._task.space.initial], "initial", 0, None)
+            self._simulate([self.task.space.initial], "initial", 0, None)
             self._warm_up()
             status = self._search()
             reason = self._lacking
@@ -161,31 +148,31 @@ class Run:
         except RunStopped as stopped:
             reason, self._advice = str(stopped), stopped.advice
             status = "outage" if isinstance(stopped, Outage) else "budget-spent"
-            self._journal.append("note", text=f"Stopped: {reason}.")
+            self.journal.append("note", text=f"Stopped: {reason}.")
         if not self._trials:
             raise KeyboardInterrupt
         return self._finish(status, reason, started)
 
     def _warm_up(self) -> None:
-        limit = min(self._config.warm_up, self._simulations_left)
+        limit = min(self.config.warm_up, self._simulations_left)
         if limit <= 0:
             return
-        proposal = self._plugins.warm_up(self._context("warm-up", 1, limit))
+        proposal = self.plugins.warm_up(self._context("warm-up", 1, limit))
         if proposal is not None:
             self._take(proposal, "warm-up", 1)
 
     def _search(self) -> Status:
         number = counted = stalled = 0
         reference = self.lowest.objective
-        while counted < self._config.rounds:
+        while counted < self.config.rounds:
             if self._simulations_left <= 0:
                 return "simulations-spent"
-            if self.lowest.objective <= self._config.stop_below:
+            if self.lowest.objective <= self.config.stop_below:
                 return "converged"
             number += 1
-            replies, lost = self._recorder.replies, self._recorder.lost
-            proposal = self._plugins.propose(self._context("search", number, self._simulations_left))
-            unheard = self._recorder.lost > lost and self._recorder.replies == replies
+            replies, lost = self.recorder.replies, self.recorder.lost
+            proposal = self.plugins.propose(self._context("search", number, self._simulations_left))
+            unheard = self.recorder.lost > lost and self.recorder.replies == replies
             self._take(proposal, "search", number)
             if proposal.finished and self._budget.grows_after(self._proposals):
                 # It may have ended for what it was allowed: it is asked again, with more.
@@ -202,21 +189,21 @@ class Run:
             elif not (unheard and proposal.lost):
                 # A round in which the model had no say tells nothing of whether the search still improves.
                 stalled += 1
-            if stalled >= self._config.patience:
+            if stalled >= self.config.patience:
                 return "converged"
         return "rounds-spent"
 
     def _context(self, phase: Phase, number: int, simulations_left: int) -> ProposeContext:
-        seed = np.random.SeedSequence([self._config.seed, _PHASE_CODE[phase], number]).generate_state(1)[0]
+        seed = np.random.SeedSequence([self.config.seed, _PHASE_CODE[phase], number]).generate_state(1)[0]
         return ProposeContext(
-            task=self._task,
+            task=self.task,
             round=number,
             trials=tuple(self._trials),
             best=self.lowest,
             seed=int(seed),
             simulations_left=simulations_left,
-            recall=self._plugins.recall,
-            equilibrium=self._plugins.equilibrium,
+            recall=self.plugins.recall,
+            equilibrium=self.plugins.equilibrium,
             low_fidelity=self._low_fidelity if self._low_fidelity.exists else None,
         )
 
@@ -227,13 +214,13 @@ class Run:
         if self._earlier_proposals > 0:
             self._earlier_proposals -= 1
         else:
-            self._journal.append("proposal", phase=phase, round=number, **encode_proposal(proposal))
-        self._listener.proposed(proposal, phase, number)
+            self.journal.append("proposal", phase=phase, round=number, **encode_proposal(proposal))
+        self.listener.proposed(proposal, phase, number)
         # A round that the end of the budget had cut short is completed once the run is allowed more.
         limit = self._simulations_left
         if phase == "warm-up":
-            limit = min(limit, self._config.warm_up)
-        candidates = [self._task.space.project(candidate) for candidate in proposal.candidates[: max(limit, 0)]]
+            limit = min(limit, self.config.warm_up)
+        candidates = [self.task.space.project(candidate) for candidate in proposal.candidates[: max(limit, 0)]]
         self._simulate(candidates, phase, number, proposal)
 
     def _simulate(self, candidates: Sequence[Candidate], phase: Phase, number: int, proposal: Proposal | None) -> None:
@@ -251,11 +238,11 @@ class Run:
                 reduction and asdict(reduction)
             ):
                 raise BsaError(
-                    f"the journal does not fit: simulation {first + place} of {self._journal.path} "
+                    f"the journal does not fit: simulation {first + place} of {self.journal.path} "
                     "was made with other parameters than this version proposes.",
                     "resume with the version and the settings that began the run, or start a new one.",
                 )
-            done[place] = decode_trial(earlier, self._folder)
+            done[place] = decode_trial(earlier, self.folder)
 
         try:
             for reduction in dict.fromkeys(reductions[place] for place in todo):
@@ -264,7 +251,7 @@ class Run:
                     place = places[position]
                     trial = self._trial(first + place, phase, number, candidates[place], outcome, reduction)
                     with interrupts_wait():
-                        self._journal.append("trial", **encode_trial(trial, self._folder))
+                        self.journal.append("trial", **encode_trial(trial, self.folder))
                         done[place] = trial
         except BaseException:
             # A stopped run has a result and a report of each trial that is in its journal, up to the first gap.
@@ -274,8 +261,8 @@ class Run:
             self._trials.append(done[place])
             if place in todo:
                 self._tell_repetition(done[place])
-            self._plugins.remember(done[place], proposal)
-            self._listener.tried(done[place], self.lowest, self._recorder.usage)
+            self.plugins.remember(done[place], proposal)
+            self.listener.tried(done[place], self.lowest, self.recorder.usage)
 
     def _tell_repetition(self, trial: Trial) -> None:
         """Say once that simulations are spent on values that were simulated before; the report says each time."""
@@ -284,7 +271,7 @@ class Run:
         earlier = repeated_by(trial, self._trials)
         if earlier is not None:
             self._repetition_told = True
-            self._listener.noted(
+            self.listener.noted(
                 f"Simulation {trial.index} has the values of simulation {earlier.index} again; it counts all the same. "
                 "Further repetitions are told in the report, round by round."
             )
@@ -293,12 +280,12 @@ class Run:
         self, candidates: Sequence[Candidate], reduction: TaskReduction | None
     ) -> Iterable[tuple[int, Outcome]]:
         if reduction is None:
-            return self._plugins.simulate(candidates, False)
-        experiments = self._plugins.reduce_task(reduction)
-        outcomes = None if experiments is None else self._plugins.simulate_variant(candidates, experiments)
+            return self.plugins.simulate(candidates, False)
+        experiments = self.plugins.reduce_task(reduction)
+        outcomes = None if experiments is None else self.plugins.simulate_variant(candidates, experiments)
         if outcomes is None:
             refused = ExperimentRun(None, SimulationFailure("this simulator cannot reduce a task"))
-            return enumerate([Outcome((refused,) * len(self._task.experiments))] * len(candidates))
+            return enumerate([Outcome((refused,) * len(self.task.experiments))] * len(candidates))
         return outcomes
 
     def _trial(
@@ -314,15 +301,15 @@ class Run:
         found: FloatArray | None = None
         failure = outcome.failure
         if reduction is None:
-            metrics, found = evaluate(self._task, outcome), residuals(self._task, outcome)
-            feedback = self._plugins.build_feedback(outcome, metrics, index)
+            metrics, found = evaluate(self.task, outcome), residuals(self.task, outcome)
+            feedback = self.plugins.build_feedback(outcome, metrics, index)
         else:
             # What a builder says compares with the record of the task as it is.
             event = "simulation_success" if failure is None else f"simulation_failed: {failure.cause}"
             feedback = Feedback({"reduced": reduction.words, "events": [event]})
         # There is no record at lower currents.
         compared = failure is not None if reduction is None else reduction.rate == 1.0
-        swings = any(signal.oscillates for signal in self._task.observed)
+        swings = any(signal.oscillates for signal in self.task.observed)
         samples = _SWING_SAMPLES_PER_STEP if swings else _CURVE_SAMPLES_PER_STEP
         curves = tuple(
             None if run.trajectory is None else run.trajectory.thinned(samples, SAMPLES_OF_DRIVES)
@@ -340,23 +327,23 @@ class Run:
             curves=curves,
             seconds=outcome.seconds,
             reduction=reduction,
-            partial=partial_residuals(self._task, outcome) if compared else None,
+            partial=partial_residuals(self.task, outcome) if compared else None,
             limits=outcome.limits,
         )
 
     def _finish(self, status: Status, reason: str, started: float) -> RunResult:
-        found = as_found(self._task, answer(self._task, self._trials))
-        trials = of_the_found(self._task, found, self._trials)
+        found = as_found(self.task, answer(self.task, self._trials))
+        trials = of_the_found(self.task, found, self._trials)
         initial, best, scored_best = trials[0], answer(found, trials), lowest(trials)
-        if found.cell.effects != self._task.cell.effects:
-            self._plugins.go_over_to(found)
+        if found.cell.effects != self.task.cell.effects:
+            self.plugins.go_over_to(found)
         # Of a run that is to go on, nobody wants to wait for the last word.
         last_word = status not in ("interrupted", "outage")
-        after = AfterSearch(found, self._plugins, self._journal, self._earlier, self._listener)
+        after = AfterSearch(found, self.plugins, self.journal, self.earlier, self.listener)
         scores = after.score([initial, best, scored_best]) if last_word else {}
         fit = scores.get(best.index, Score(best.metrics))
         # A single simulation is no fit, and there is nothing to judge.
-        analysing = last_word and self._analysing and len(self._trials) > 1
+        analysing = last_word and self.analysing and len(self._trials) > 1
 
         def result(analysis: PostFitAnalysis | None, held_out: tuple[Prediction, ...], took_s: float) -> RunResult:
             return RunResult(
@@ -368,9 +355,9 @@ class Run:
                 best_metrics=fit.metrics,
                 lowest_metrics=scores.get(scored_best.index, Score(scored_best.metrics)).metrics,
                 trials=tuple(self._trials),
-                usage=self._recorder.usage,
-                llm_calls=self._recorder.calls,
-                lost_calls=self._recorder.lost,
+                usage=self.recorder.usage,
+                llm_calls=self.recorder.calls,
+                lost_calls=self.recorder.lost,
                 unusable_replies=self._unusable_replies,
                 lost_rounds=self._lost_rounds,
                 wall_s=self._earlier_s + took_s,
@@ -387,10 +374,10 @@ class Run:
 
         soon = after.forecast(best) if analysing else ()
         if soon:
-            self._forecast(result(None, soon, time.perf_counter() - started))
+            self.forecast(result(None, soon, time.perf_counter() - started))
         # What was found out before is not forgotten where nothing further is to be.
-        analysis = after.analyse(trials, best, self._config.simulations) if analysing else after.known_analysis(best)
+        analysis = after.analyse(trials, best, self.config.simulations) if analysing else after.known_analysis(best)
         held_out = after.predict(best, analysis, fit.records) if last_word else ()
         took_s = time.perf_counter() - started
-        self._journal.append("end", status=status, best=best.index, wall_s=took_s)
+        self.journal.append("end", status=status, best=best.index, wall_s=took_s)
         return result(analysis, held_out, took_s)

@@ -1,6 +1,7 @@
 """A simulator's low-fidelity model behind the journal: what it simulated is not simulated again when a run resumes."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import InitVar, dataclass
 from typing import Any
 
 from ..comparison.residuals import residuals
@@ -19,23 +20,19 @@ STEPS = "next step by the low-fidelity model"
 """What these simulations are for."""
 
 
+@dataclass(eq=False)
 class LowFidelitySimulations:
-    """Residuals of candidates by a low-fidelity model; see `ProposeContext.low_fidelity`.
+    """Residuals of candidates by a low-fidelity model; see `ProposeContext.low_fidelity`."""
 
-    ``earlier`` are the events of the interrupted run, if any; ``listener`` is told how many of a batch are done.
-    """
+    task: Task
+    plugins: RunPlugins
+    journal: Journal
+    earlier: InitVar[Iterable[Mapping[str, Any]]] = ()  # The events of the interrupted run, if any.
+    listener: Listener = SILENT  # Is told how many of a batch are done.
 
-    def __init__(
-        self,
-        task: Task,
-        plugins: RunPlugins,
-        journal: Journal,
-        earlier: Iterable[Mapping[str, Any]] = (),
-        listener: Listener = SILENT,
-    ) -> None:
-        self._task, self._plugins, self._journal, self._listener = task, plugins, journal, listener
+    def __post_init__(self, earlier: Iterable[Mapping[str, Any]]) -> None:
         self._known: dict[tuple[tuple[str, float], ...], FloatArray | None] = {}
-        self.exists = plugins.simulate_low_fidelity([]) is not None
+        self.exists = self.plugins.simulate_low_fidelity([]) is not None
         """Whether the simulator has such a model of the task."""
         self.seconds = 0.0
         """Time of all these simulations, those side by side added up, s."""
@@ -54,14 +51,14 @@ class LowFidelitySimulations:
         keys = [_key(candidate) for candidate in candidates]
         places = [place for place, key in enumerate(keys) if key not in self._known]
         if places:
-            self._listener.counted(STEPS, 0, len(places))
-        outcomes = self._plugins.simulate_low_fidelity([candidates[place] for place in places]) if places else ()
+            self.listener.counted(STEPS, 0, len(places))
+        outcomes = self.plugins.simulate_low_fidelity([candidates[place] for place in places]) if places else ()
         for done, (number, outcome) in enumerate(outcomes or (), start=1):
-            candidate, found = candidates[places[number]], residuals(self._task, outcome)
+            candidate, found = candidates[places[number]], residuals(self.task, outcome)
             packed = None if found is None else encode_array(found)
-            self._journal.append(LOW_FIDELITY, candidate=dict(candidate), residuals=packed, seconds=outcome.seconds)
+            self.journal.append(LOW_FIDELITY, candidate=dict(candidate), residuals=packed, seconds=outcome.seconds)
             self._take(candidate, found, outcome.seconds)
-            self._listener.counted(STEPS, done, len(places))
+            self.listener.counted(STEPS, done, len(places))
         return [self._known[key] for key in keys]
 
     def _take(self, candidate: Candidate, found: FloatArray | None, seconds: float) -> None:
