@@ -66,7 +66,7 @@ class ReviewingBackend(BackendAround):
             return Verdict(event["verdict"], event["text"])
         verdict = self._reviewer(_shown(reply.text, schema))
         if self._recorder is not None:
-            self._recorder.write(REVIEW, verdict=verdict.kind, text=verdict.text)
+            self._recorder.journal.append(REVIEW, verdict=verdict.kind, text=verdict.text)
         return verdict
 
 

@@ -62,7 +62,7 @@ class Recorder:
         allowance: Allowance = UNLIMITED,
         say: Callable[[str], None] = lambda text: None,
     ) -> None:
-        self._journal = journal
+        self.journal = journal
         self._allowance = allowance
         self.say = say
         self.asked: Callable[[Usage], None] = lambda usage: None
@@ -93,7 +93,7 @@ class Recorder:
             return None
         if self._recorded[0]["event"] not in kinds:
             raise BsaError(
-                f'the journal does not fit: {self._journal.path} has a "{self._recorded[0]["event"]}" '
+                f'the journal does not fit: {self.journal.path} has a "{self._recorded[0]["event"]}" '
                 f'where this version has a "{kinds[0]}".',
                 "resume with the version and the settings that began the run, or start a new one.",
             )
@@ -102,11 +102,7 @@ class Recorder:
     def record(self, kind: str, **fields: Any) -> None:
         """Write an event that follows from those before it, unless the interrupted run wrote it."""
         if self.recorded(kind) is None:
-            self._journal.append(kind, **fields)
-
-    def write(self, kind: str, **fields: Any) -> None:
-        """Write an event."""
-        self._journal.append(kind, **fields)
+            self.journal.append(kind, **fields)
 
     def count_reply(self, usage: Usage) -> None:
         """Enter a call that gave a reply."""
@@ -117,7 +113,7 @@ class Recorder:
         """Write down, and tell, that the cost of the run is not known."""
         holds = " --max-cost cannot end the run." if self._allowance.max_cost_usd is not None else ""
         text = f"The price of this language model is not known, so neither is the cost of the run.{holds}"
-        self.write("note", text=text)
+        self.journal.append("note", text=text)
         self.say(text)
 
     def count_lost(self) -> None:
@@ -203,7 +199,7 @@ class RecordingBackend(BackendAround):
             self._heard(reply.usage)
             self._answered = True
             fields = {key: value for key, value in asdict(reply).items() if key != "notes"}
-            self._recorder.write(REPLY, **fields, notes=list(reply.notes), prompt=prompt)
+            self._recorder.journal.append(REPLY, **fields, notes=list(reply.notes), prompt=prompt)
             if price_was_known and reply.usage.cost_usd is None:
                 self._recorder.note_unknown_price()
             return reply
@@ -214,7 +210,7 @@ class RecordingBackend(BackendAround):
         self._refused += isinstance(failure, PromptRefused)
         handed_on = isinstance(failure, PromptRefused) and self._refused < MOST_REFUSED
         self._recorder.count_lost()
-        self._recorder.write(LOST_CALL, reason=reason, prompt=prompt, refused=handed_on)
+        self._recorder.journal.append(LOST_CALL, reason=reason, prompt=prompt, refused=handed_on)
         if handed_on:
             raise PromptRefused(reason) from None
         nobody = isinstance(failure, BackendUnreachable) and not self._answered
