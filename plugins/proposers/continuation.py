@@ -47,7 +47,6 @@ class Continuation(ABC):
 
     def __init__(self) -> None:
         self.reductions: Reductions = ()  # How the task is reduced for each of the candidates just asked for.
-        self.found: Trial | None = None  # A trial of the task as it is that ran to its end.
         self.over = False  # Whether nothing more is to come.
 
     @property
@@ -153,10 +152,8 @@ class CurrentRateContinuation(Continuation):
 
     def _take_climb(self, trials: Sequence[Trial]) -> None:
         self._rounds += 1
-        whole = [trial for trial in trials if trial.reduction is None and trial.residuals is not None]
-        if whole:
-            # The first of two lies nearer the start, and so nearer the record as far as is known.
-            self.found, self.over = whole[0], True
+        if _found_by(trials):
+            self.over = True
             return
         runs = not trials[0].failed
         self._point = self._along(1)
@@ -256,9 +253,12 @@ class FirstCycleContinuation(Continuation):
         reduced = [trial for trial in trials if trial.reduction is not None]
         if reduced:
             self._search.tell([_of_its_cycles(trial) for trial in reduced])
-        good = [trial for trial in whole if trial.residuals is not None]
-        if good:
-            self.found, self.over = good[0], True
+        self.over = self.over or _found_by(trials)
+
+
+def _found_by(trials: Sequence[Trial]) -> bool:
+    """Whether one of the trials ran to its end, of the task as it is."""
+    return any(trial.reduction is None and trial.residuals is not None for trial in trials)
 
 
 def _of_its_cycles(trial: Trial) -> FloatArray | None:
