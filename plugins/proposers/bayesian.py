@@ -42,8 +42,8 @@ class BayesianProposer:
     in metres: on the unit box every parameter has range 1.
     """
 
-    _outcomes: Mapping[str, str] = {"loss": ""}
-    """Names of the outcomes for Ax, and the metric each stands for (empty: the trial's objective)."""
+    _outcomes: Mapping[str, str] = {"loss": "objective"}
+    """Names of the outcomes for Ax, and the metric each stands for."""
 
     _name = "bo"
 
@@ -105,10 +105,7 @@ class BayesianProposer:
             client.complete_trial(number, raw_data={name: float(column[row]) for name, column in columns.items()})
 
     def _errors(self, trials: Sequence[Trial], metric: str) -> FloatArray:
-        def error(trial: Trial) -> float:
-            return float(getattr(trial.metrics, metric, math.inf)) if metric else trial.objective
-
-        errors = finite_errors(trials, error)
+        errors = finite_errors(trials, lambda trial: float(getattr(trial.metrics, metric, math.inf)))
         return np.log10(errors + _TINY) if self._options.logarithm else errors
 
 

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.cell import CURRENT, FREQUENCY, REACTANCE, RESISTANCE, VOLTAGE
+from ...core.cell import CURRENT, FREQUENCY, REACTANCE, RESISTANCE, TEMPERATURE, VOLTAGE
 from ...core.comparison.paper_metrics import is_counted
 from ...core.comparison.residuals import DURATION_TOLERANCE, ResidualRows, rows_of, tolerance_at
 from ...core.reading.open_circuit import RELAXED_S
@@ -28,8 +28,6 @@ _INSTANT_S = 60.0
 
 _KINETIC_HZ = 1.0
 """What impedance shows above this frequency is ohmic and kinetic; below, diffusion."""
-
-_VOLTAGE, _TEMPERATURE = "voltage", "temperature"
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +66,8 @@ def view_of(task: Task, data: Data) -> View:
         first = _in_first_cycle(task, rows)
         lacking = "the records have one cycle each" if data == "life" else "the records have no cycles"
         return _plain(rows, first if data == "first-cycle" else ~first, lacking)
-    if data == _TEMPERATURE:
-        return _plain(rows, rows.signal == _TEMPERATURE, "no temperature is compared")
+    if data == "temperature":
+        return _plain(rows, rows.signal == TEMPERATURE.name, "no temperature is compared")
     over_time = [experiment.target for experiment in task.experiments if not experiment.is_spectrum]
     capacity_ah = max((float(np.ptp(record.discharge_capacity)) for record in over_time), default=0.0)
     if data == "current-steps":
@@ -78,7 +76,7 @@ def view_of(task: Task, data: Data) -> View:
         return _none("no charge flows in the records")
     rates = _rates(task, rows) / capacity_ah
     if data == "rates":
-        return _plain(rows, (rows.signal != _TEMPERATURE) & (rates > _SLOW_PER_H), "no current exceeds C/10")
+        return _plain(rows, (rows.signal != TEMPERATURE.name) & (rates > _SLOW_PER_H), "no current exceeds C/10")
     return _open_circuit(task, rows, rates, capacity_ah)
 
 
@@ -147,7 +145,7 @@ def _rates(task: Task, rows: ResidualRows) -> FloatArray:
 
 def _open_circuit(task: Task, rows: ResidualRows, rates: FloatArray, capacity_ah: float) -> View:
     resting = rates < 0.01 * _SLOW_PER_H
-    chosen = (rows.signal == _VOLTAGE) & (rates <= _SLOW_PER_H) & (~resting | (rows.since_s >= RELAXED_S))
+    chosen = (rows.signal == VOLTAGE.name) & (rates <= _SLOW_PER_H) & (~resting | (rows.since_s >= RELAXED_S))
     charges = [
         _covered([_charge_at(task.experiments[record].target, rows, int(place)) for place in places])
         for record in set(rows.record[chosen])
@@ -174,7 +172,7 @@ def _current_steps(task: Task, rows: ResidualRows, capacity_ah: float) -> View:
     Each current step counts the same, and so does each decade of a spectrum's parts.
     """
     found: list[tuple[NDArray[np.intp], int]] = []
-    voltage = (rows.signal == _VOLTAGE) & (rows.scale > 0)
+    voltage = (rows.signal == VOLTAGE.name) & (rows.scale > 0)
     for number, experiment in enumerate(task.experiments):
         record = experiment.target
         if experiment.is_spectrum:
