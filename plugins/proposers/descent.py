@@ -124,7 +124,7 @@ class Descent:
         self._suspicious = _SUSPICIOUS * max(1.0, self.noise)
         self._first_start: Candidate = task.space.initial
         if start.residuals is not None:
-            self._search = self._search_from(start.candidate, start.residuals)
+            self._begin_at(start)
         else:
             self._feasibility = Feasibility(task, start, seed)
 
@@ -235,7 +235,7 @@ class Descent:
             if found is not None:
                 # Around the start as it was given, most is as infeasible as that.
                 self._first_start = found.candidate
-                self._search = self._search_from(found.candidate, found.residuals)
+                self._begin_at(found)
             return
         if self._polled:
             self._take_starts(trials)
@@ -260,9 +260,7 @@ class Descent:
         self._best = self.best
         self._told.append(trial)
         self._feasibility = None
-        self._search = self._search_from(
-            trial.candidate, trial.residuals, self._jacobian_at(trial, trials), _SAVED * PERFECT
-        )
+        self._begin_at(trial, self._jacobian_at(trial, trials), _SAVED * PERFECT)
         self.done = self._restarting = False
         self._polled, self._early = [], []
 
@@ -280,14 +278,9 @@ class Descent:
                 jacobian += np.outer(residuals - here.residuals - jacobian @ step, step) / (step @ step)
         return jacobian
 
-    def _search_from(
-        self,
-        candidate: Candidate,
-        residuals: FloatArray | None,
-        jacobian: FloatArray | None = None,
-        enough: float = PERFECT,
-    ) -> LeastSquares:
-        self._first_misfit = self._first_misfit or rms(residuals)
+    def _begin_at(self, start: Trial, jacobian: FloatArray | None = None, enough: float = PERFECT) -> LeastSquares:
+        """Descend from a trial, whose derivatives may be known, until the misfit is small ``enough``."""
+        self._first_misfit = self._first_misfit or start.misfit
         freedom = max(len(self._noise_of_each) - len(self._task.space), 1)
         settings = Settings(
             difference=self._options.difference,
@@ -301,9 +294,10 @@ class Descent:
         )
         seen = [(trial.candidate, trial.residuals) for trial in self._told if trial.reduction is None]
         known = [(self._task.space.to_unit(there), found) for there, found in seen if found is not None]
-        point = self._task.space.to_unit(candidate)
+        point = self._task.space.to_unit(start.candidate)
         low = None if self._low_fidelity is None else LowFidelity(self._low_residuals)
-        return LeastSquares(point, residuals, settings, jacobian=jacobian, known=known, low_fidelity=low)
+        self._search = LeastSquares(point, start.residuals, settings, jacobian=jacobian, known=known, low_fidelity=low)
+        return self._search
 
     def _low_residuals(self, points: Sequence[FloatArray]) -> Sequence[FloatArray | None]:
         assert self._low_fidelity is not None
@@ -349,7 +343,7 @@ class Descent:
         self._restarting = True
         self._restarts_left -= 1
         if self._promising:
-            return self._search_from_trial(self._promising.pop(0)).ask(planning_budget)
+            return self._begin_at(self._promising.pop(0)).ask(planning_budget)
         origin = self._task.space.to_unit(self._first_start)
         far = _ELSEWHERE * np.eye(len(origin))
         points = [np.clip(origin + step, 0.0, 1.0) for step in (*far, *-far)]
@@ -360,11 +354,7 @@ class Descent:
         self._polled = []
         self._promising = sorted((trial for trial in trials if trial.residuals is not None), key=misfit_times_score)
         if self._promising:
-            self._search_from_trial(self._promising.pop(0))
-
-    def _search_from_trial(self, trial: Trial) -> LeastSquares:
-        self._search = self._search_from(trial.candidate, trial.residuals)
-        return self._search
+            self._begin_at(self._promising.pop(0))
 
 
 def _comes_to_another_jacobian(search: LeastSquares | None) -> TypeGuard[LeastSquares]:

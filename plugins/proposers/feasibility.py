@@ -124,15 +124,14 @@ class Feasibility:
     def ask(self) -> list[FloatArray]:
         """The points to try next, in the unit box."""
         self.reductions = ()
-        if not self._strides:
-            points = self._by_continuation()
-            if points:
-                return points
-        origin = self._space.to_unit(self._farthest.candidate)
         if self._strides:
             strides, self._strides = self._strides[:2], self._strides[2:]
             start = self._space.to_unit(self._space.initial)
             return [np.clip(start + stride * self._gentle, 0.0, 1.0) for stride in strides]
+        points = self._by_continuation()
+        if points:
+            return points
+        origin = self._space.to_unit(self._farthest.candidate)
         # One of the two steps is towards the gentle side only, the other free: the rules are rules of thumb.
         steps = _SPREAD * self._rng.standard_normal((2, len(self._space)))
         steps[0] = np.where(self._gentle == 0.0, steps[0], np.abs(steps[0]) * self._gentle)

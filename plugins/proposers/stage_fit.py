@@ -131,10 +131,6 @@ class Stage(ABC):
     def tell(self, trials: Sequence[Trial]) -> Trial:
         """Take in the trials of the candidates asked for, in order; the trial of the best point."""
 
-    def allow(self, more: int) -> None:
-        """Let it use so many simulations more than it might."""
-        self.left += more
-
     def numbers(self) -> dict[str, float]:
         """What the fit knows of itself, for the journal."""
         seen = self._seen(self.here)

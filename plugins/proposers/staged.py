@@ -134,7 +134,7 @@ class StagedProposer:
             return
         self._stage = self._stage or self._last
         if self._stage is not None:
-            self._stage.allow(more)
+            self._stage.left += more
 
     def _feasible_start(self, context: ProposeContext, news: Sequence[Trial]) -> Proposal | None:
         """What to simulate to find a start that can be; None once there is one."""

@@ -44,6 +44,8 @@ _BETTER = 0.9
 
 _SHOWN_ACTIONS, _SHOWN_ROUNDS = 5, 6
 
+_REACHED = "misfit_reached_tolerances"
+
 
 class HybridOptions(DescentOptions):
     """How the agent and the numerical fit share a run."""
@@ -129,13 +131,11 @@ class HybridProposer:
         if self._agent_best is None or sum_of_squares(found) < sum_of_squares(self._agent_best):
             self._agent_best = found
         self._last_attempt = found
-        if self._log:
-            before = self._log[-1].get("misfit_reached_tolerances")
-            reached = found.misfit
-            if reached < float("inf"):
-                self._log[-1]["misfit_reached_tolerances"] = reached if before is None else min(before, reached)
-            elif before is None:
-                self._log[-1]["failed"] = True
+        latest = self._log[-1]
+        if found.misfit < float("inf"):
+            latest[_REACHED] = min(found.misfit, latest.get(_REACHED, float("inf")))
+        elif _REACHED not in latest:
+            latest["failed"] = True
 
     def _planning_budget(self, context: ProposeContext) -> int | None:
         """What would be left to a fit on its own with the share of the simulations that is the fit's here.
