@@ -72,12 +72,12 @@ def mismatches(task: Task, outcome: Outcome) -> dict[str, Mismatch]:
         # The one-second rests of the paper's protocol say nothing of their own.
         pairs = [pair for pair in found if pair.measured.duration >= task.domain.too_brief_s]
         longest = sorted(pairs, key=lambda pair: -pair.measured.duration)[:FEW]
-        # The last step of a failed simulation is cut short, and its duration says nothing.
         reached = [pair for pair in pairs if pair in longest and (pair.simulated is not None or run.failure is None)]
-        for place, pair in enumerate(reached):
-            truncated = run.failure is not None and place == len(reached) - 1
-            if not truncated:
-                result.update(_step_features(prefix + slug(pair.name), pair, task, experiment, parts))
+        if run.failure is not None:
+            # The last step of a failed simulation is cut short, and its duration says nothing.
+            reached = reached[:-1]
+        for pair in reached:
+            result.update(_step_features(prefix + slug(pair.name), pair, task, experiment, parts))
     return result
 
 
