@@ -48,8 +48,10 @@ def parse_object(text: str, keys: Iterable[str] = ()) -> dict[str, Any]:
     for part in dict.fromkeys((text.rpartition(_END_OF_THOUGHTS)[2], text)):
         found = _objects(part)
         if found:
-            best, _ = max(reversed(found), key=lambda pair: (len(wanted & pair[0].keys()), pair[1]))
-            return best
+            best: tuple[dict[str, Any], bool] = max(
+                reversed(found), key=lambda pair: (len(wanted & pair[0].keys()), pair[1])
+            )
+            return best[0]
     raise BsaError(
         "the reply is empty." if not text.strip() else "the reply holds no JSON object.",
         "answer with one JSON object and nothing else.",
