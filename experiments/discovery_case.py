@@ -27,7 +27,7 @@ from .file_reading import FileReading, ReadEntry
 from .run_names import named_after, numbered_folder
 from .task_request import Records
 from .tasks.influence import no_influence
-from .tasks.parameter_source import is_run
+from .tasks.parameter_source import run_named
 
 if TYPE_CHECKING:
     from .tasks.parameter_source import FoundCell
@@ -183,7 +183,7 @@ def usual_search(parameters: str, reference: Sequence[Any] | None = ()) -> str:
     """
     if reference:
         return "unchanged"
-    return "measured" if is_run(parameters) else "all"
+    return "all" if run_named(parameters) is None else "measured"
 
 
 def _check_life(records: Records, others: Mapping[str, Any]) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import BsaError
 from ..core.record import Record
-from ..core.task import ParameterFile, ParameterSource, Task
+from ..core.task import ParameterSource, Task
 from .file_reading import FileReading
 from .read_options import one_each
 from .run_names import named_after
@@ -168,7 +168,7 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
             "add --parameters Chen2020 (NMC811), Marquis2019 or Ai2020 (LCO), Prada2013 (LFP), Ecker2015 (NMC), or "
             "nearest with a discharge at 1C or slower; bsa list parameters shows all sets.",
         )
-    found = None if isinstance(cell.parameters, ParameterFile) else found_cell(cell.parameters, cell.effects)
+    found = found_cell(cell.parameters, cell.effects)
     source = parameter_source(cell.parameters) if found is None else found.parameters
     held, strengths = ((), {}) if found is None else (found.effects, found.strengths)
     effects = cell.effects_beside(held)

@@ -36,7 +36,7 @@ def parameter_source(given: ParameterSource) -> ParameterSource:
     """
     if isinstance(given, ParameterFile):
         return given
-    path, run = Path(given), _run_named(given)
+    path, run = Path(given), run_named(given)
     if run is not None:
         return calibrated(run)
     if path.suffix.lower() != ".json":
@@ -65,12 +65,12 @@ class FoundCell:
     left_v: float  # Root mean square of the voltage error that the fit left, V; 0 where it compared none.
 
 
-def found_cell(given: str, searched: Sequence[str] = ()) -> FoundCell | None:
+def found_cell(given: ParameterSource, searched: Sequence[str] = ()) -> FoundCell | None:
     """What `--parameters` means where it names a run; None where it does not. Raises as `calibrated`.
 
     Effects that are ``searched`` anew have no strengths of the run, see `strengths_of`.
     """
-    folder = _run_named(given)
+    folder = run_named(given)
     if folder is None:
         return None
     run = read_finished(folder)
@@ -97,7 +97,7 @@ def starts_left_out(given: ParameterSource, found: ParameterSource) -> str:
 
     ``found`` is what ``given`` means, see `parameter_source`.
     """
-    folder = None if isinstance(given, ParameterFile) else _run_named(given)
+    folder = run_named(given)
     if folder is None or not isinstance(found, ParameterFile):
         return ""
     searched = [decode_parameter(one).target for one in json.loads(found.text)["space"]]
@@ -109,13 +109,10 @@ def starts_left_out(given: ParameterSource, found: ParameterSource) -> str:
     )
 
 
-def is_run(given: str) -> bool:
-    """Whether ``--parameters`` means what a run found: its folder, or the ``best_parameters.json`` in it."""
-    return _run_named(given) is not None
-
-
-def _run_named(given: str) -> Path | None:
-    """The folder of the run that is meant; None where it is no run."""
+def run_named(given: ParameterSource) -> Path | None:
+    """The folder of the run that ``--parameters`` means, by it or by its ``best_parameters.json``; None for no run."""
+    if isinstance(given, ParameterFile):
+        return None
     path = Path(given)
     folder = path.parent if path.name == BEST else path
     return folder if (folder / JOURNAL).is_file() and not names_a_set(given) else None
@@ -133,7 +130,13 @@ def calibrated(folder: Path) -> ParameterFile:
 
     Raises `BsaError` if the folder holds no run of a PyBaMM cell, or no simulation of it succeeded.
     """
-    return _calibrated(read_finished(folder))
+    run = read_finished(folder)
+    if run.task.cell.effects:
+        raise BsaError(
+            f"the model of {run.name} has {', '.join(run.task.cell.effects)} beside its parameters.",
+            "no parameter set holds an effect: --start-from RUN and --parameters RUN of bsa run keep it.",
+        )
+    return _without_effects(run)
 
 
 def read_finished(folder: Path) -> RunRecord:
@@ -144,15 +147,6 @@ def read_finished(folder: Path) -> RunRecord:
     if not run.best.ok:
         raise BsaError(f"no simulation of {folder} ran to its end.", "such a run has no best values.")
     return run
-
-
-def _calibrated(run: RunRecord) -> ParameterFile:
-    if run.task.cell.effects:
-        raise BsaError(
-            f"the model of {run.name} has {', '.join(run.task.cell.effects)} beside its parameters.",
-            "no parameter set holds an effect: --start-from RUN and --parameters RUN of bsa run keep it.",
-        )
-    return _without_effects(run)
 
 
 def _without_effects(run: RunRecord) -> ParameterFile:
