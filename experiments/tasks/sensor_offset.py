@@ -23,24 +23,16 @@ def initial_temperature_k(record: Trajectory, ambient_k: float | None) -> float 
     return first if warm or abs(first - ambient_k) > _SENSORS_K else None
 
 
-def sensor_offset_k(record: Trajectory, ambient_k: float | None) -> float:
-    """First measured temperature less the ambient one, K; 0 where there is none, or the cell itself was warm or cold.
+def from_ambient(record: Trajectory, ambient_k: float | None) -> Trajectory:
+    """The record with a temperature that starts at the ambient one, unless the cell itself was warm or cold.
 
-    The simulated cell starts at the ambient temperature otherwise. A fit has no parameter for a sensor that reads half
-    a kelvin more, and a cell that never cools shows just that.
+    The simulated cell starts at the ambient temperature. A fit has no parameter for a sensor that reads half a kelvin
+    more, and a cell that never cools shows just that.
     """
     if ambient_k is None or record.temperature is None or initial_temperature_k(record, ambient_k) is not None:
-        return 0.0
-    offset = float(record.temperature[0]) - ambient_k
-    return offset if abs(offset) >= _NOTED_K else 0.0
-
-
-def from_ambient(record: Trajectory, ambient_k: float | None) -> Trajectory:
-    """The record with a temperature that starts at the ambient one."""
-    offset = sensor_offset_k(record, ambient_k)
-    if record.temperature is None or offset == 0.0:
         return record
-    return record.changed(temperature=record.temperature - offset)
+    offset = float(record.temperature[0]) - ambient_k
+    return record.changed(temperature=record.temperature - offset) if abs(offset) >= _NOTED_K else record
 
 
 def start_note(name: str, record: Trajectory, experiment: Experiment) -> list[str]:
