@@ -116,8 +116,7 @@ def cooling_note(
     """What is to be said of a cell that warms, and of whose cooling neither its set nor the person says anything."""
     from ...plugins.pybamm.cells.parameter_sets import FILL_FROM, states
 
-    warms = options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL
-    if not warms or _COOLING in given or states(parameter_set, _COOLING):
+    if not is_thermal(options) or _COOLING in given or states(parameter_set, _COOLING):
         return []
     return [
         f"{parameter_set} does not say how its cell is cooled: a heat transfer coefficient of "
@@ -143,10 +142,19 @@ def _rms_under_load(time: FloatArray, current: FloatArray) -> float:
     return float(np.sqrt(np.sum(loaded * middle**2) / max(np.sum(loaded), 1e-12)))
 
 
-def at_several_temperatures(options: Mapping[str, Any], ambient_k: Sequence[float | None]) -> bool:
+def is_thermal(options: Mapping[str, Any]) -> bool:
+    """Whether a model with these options has a temperature of its own."""
+    return bool(options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL)
+
+
+def at_several_temperatures(options: Mapping[str, Any], records: Sequence[Record]) -> bool:
     """Whether the cell is simulated at temperatures that differ: it warms, or its surroundings do."""
-    known = [kelvin for kelvin in ambient_k if kelvin is not None]
-    return options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL or float(np.ptp(known or [0.0])) >= _WARMS_K
+    return is_thermal(options) or apart_k(records) >= _WARMS_K
+
+
+def apart_k(records: Sequence[Record]) -> float:
+    """How far the temperatures around records are apart, as far as these are known, K."""
+    return float(np.ptp([record.ambient_k for record in records if record.ambient_k is not None] or [0.0]))
 
 
 def temperature_dependent(cell: CellModel, search: str | Mapping[str, Any]) -> tuple[ParameterSource, list[str]]:
@@ -186,12 +194,12 @@ def with_searched_energies(
     parameter_set: ParameterSource,
     search: str | Mapping[str, Any],
     fixed: Mapping[str, float],
-    fitted_k: Sequence[float | None],
+    fitted: Sequence[Record],
 ) -> tuple[ParameterSource, list[str]]:
     """The parameter set with activation energies that a preset searches, and what is to be said of them.
 
-    Rates that are ``fixed`` to a number have none; ``fitted_k`` are the temperatures around the fitted records, K:
-    where they are too near to tell, the set stays.
+    Rates that are ``fixed`` to a number have none. Where the temperatures around the ``fitted`` records are too near to
+    tell, the set stays.
     """
     from ...plugins.pybamm.before_search.activation_energies import (
         RATES,
@@ -200,7 +208,7 @@ def with_searched_energies(
     )
     from ...plugins.pybamm.before_search.presets import searches
 
-    spread_k = float(np.ptp([kelvin for kelvin in fitted_k if kelvin is not None] or [0.0]))
+    spread_k = apart_k(fitted)
     if spread_k < TELLS_K or not searches(search, additional_energy_name(RATES[0])):
         return parameter_set, []
     return with_additional_energies(parameter_set, [name for name in RATES if name not in fixed]), [

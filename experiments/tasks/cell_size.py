@@ -1,7 +1,6 @@
 """How large the cell is that the records were measured on, by the charge that they pass."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -37,14 +36,6 @@ _HALF = 0.5
 smaller share an error of the start would be a large one."""
 
 
-@dataclass(frozen=True)
-class _Charge:
-    """What a cycle says of the cell's charge."""
-
-    ah: float  # Charge that the cell holds at least, A.h.
-    why: str = ""  # How that follows from what the cycle passes.
-
-
 def size_factor(
     records: Sequence[Record], values: Any, capacity_ah: float, starts: Sequence[float | None]
 ) -> tuple[float, str]:
@@ -53,26 +44,29 @@ def size_factor(
     ``starts`` are the states of charge at which the records start, where known: a cell that starts part full holds
     more than it gives.
     """
-    found = [_Charge(span_ah(cycle)) for cycle in whole_cycles(records, values)]
+    found = [(span_ah(cycle), "") for cycle in whole_cycles(records, values)]
     for record, soc in zip(records, starts, strict=True):
         found += _from_start(record, values, soc)
     if not found:
         return 1.0, ""
-    charge = max(found, key=lambda one: one.ah)  # of equal ones the first, without a reason
-    ratio = charge.ah / capacity_ah
+    charge_ah, why = max(found, key=lambda one: one[0])  # of equal ones the first, without a reason
+    ratio = charge_ah / capacity_ah
     if _SAME_SIZE[0] <= ratio <= _HOLDS_MORE:
         return 1.0, ""
     return ratio, (
-        f"The records hold {rounded(charge.ah, 3)} A.h{charge.why}, the parameter set's cell "
+        f"The records hold {rounded(charge_ah, 3)} A.h{why}, the parameter set's cell "
         f'{rounded(capacity_ah, 3)} A.h: "{WIDTH}" starts from {rounded(ratio, 3)} times its value '
         "(--no-scale keeps it)."
         + " Is the current in mA? Then say --unit current=mA."
-        * (ratio >= _FAR_LARGER and charge.ah >= _LARGE_AH)
+        * (ratio >= _FAR_LARGER and charge_ah >= _LARGE_AH)
     )
 
 
-def _from_start(record: Record, values: Any, soc: float | None) -> list[_Charge]:
-    """What a record's first cycle says that crosses most of the voltage window, and starts at a known charge."""
+def _from_start(record: Record, values: Any, soc: float | None) -> list[tuple[float, str]]:
+    """The charge in A.h that a cell holds by its first cycle, and how that follows.
+
+    Nothing where the cycle does not cross most of the voltage window, or starts at an unknown charge.
+    """
     first = record.trajectory.cycle(record.trajectory.cycles[0])
     if soc is None or not is_whole(first, values):
         return []
@@ -80,10 +74,10 @@ def _from_start(record: Record, values: Any, soc: float | None) -> list[_Charge]
     passed, share = (float(np.max(drawn)), soc) if soc > _HALF else (-float(np.min(drawn)), 1.0 - soc)
     holds = passed / share
     from_part = f" ({rounded(passed, 3)} A.h pass from a state of charge of {soc:.3g} on)"
-    return [_Charge(holds, from_part * (f"{holds:.3g}" != f"{passed:.3g}"))]
+    return [(holds, from_part * (f"{holds:.3g}" != f"{passed:.3g}"))]
 
 
-def starting_soc(cell: CellModel, request: RecordRequest, record: Record, ambient_k: float | None) -> float | None:
+def starting_soc(cell: CellModel, request: RecordRequest, record: Record) -> float | None:
     """The state of charge at which a record starts, None where neither a person nor its first voltage tells."""
     from ...plugins.pybamm.cells.state_of_charge import socs_at_voltages
 
@@ -95,7 +89,7 @@ def starting_soc(cell: CellModel, request: RecordRequest, record: Record, ambien
             return None
         voltage, _ = open_circuit_start(record.trajectory)
     around = (voltage - NEAR_POTENTIALS_V, voltage, voltage + NEAR_POTENTIALS_V)
-    low, soc, high = socs_at_voltages(cell, around, ambient_k)
+    low, soc, high = socs_at_voltages(cell, around, record.ambient_k)
     return soc if high - low <= _KNOWN_SOC else None
 
 

@@ -86,17 +86,15 @@ def measured_cell(
     wanted: CellRequest,
     requests: Sequence[RecordRequest],
     records: Sequence[Record],
-    ambient_k: Sequence[float | None],
     held_out: Sequence[Record] = (),
 ) -> MeasuredCell:
     """The cell model for records: potentials, temperature, electrolyte, size and options.
 
-    ``records`` are those of the ``requests``; ``ambient_k`` are the temperatures around them and around what is held
-    out, K.
+    ``records`` are those of the ``requests``.
     """
-    parameter_set, options, notes = _set_and_options(wanted, requests, records, ambient_k, held_out)
+    parameter_set, options, notes = _set_and_options(wanted, requests, records, held_out)
     model = CellModel(parameter_set, wanted.model, options, wanted.overrides, tuple(wanted.effects), wanted.strengths)
-    overrides, capacity_ah, said = _values(wanted, model, requests, records, ambient_k)
+    overrides, capacity_ah, said = _values(wanted, model, requests, records)
     return MeasuredCell(replace(model, overrides=overrides), capacity_ah, [*notes, *said])
 
 
@@ -104,7 +102,6 @@ def _set_and_options(
     wanted: CellRequest,
     requests: Sequence[RecordRequest],
     records: Sequence[Record],
-    ambient_k: Sequence[float | None],
     held_out: Sequence[Record],
 ) -> tuple[ParameterSource, dict[str, Any], list[str]]:
     from ...plugins.pybamm.before_search.presets import searches
@@ -119,14 +116,12 @@ def _set_and_options(
         in_pybamm_spelling(wanted.options), requests, records, held_out, parameter_set, values
     )
     notes += [*said, *cooling_note(parameter_set, options, wanted.given, values)]
-    if at_several_temperatures(options, ambient_k) and not wanted.is_own_file:
+    if at_several_temperatures(options, [*records, *held_out]) and not wanted.is_own_file:
         parameter_set, said = temperature_dependent(
             CellModel(parameter_set, wanted.model, options, wanted.overrides), wanted.search
         )
         notes += said
-        parameter_set, said = with_searched_energies(
-            parameter_set, wanted.search, wanted.overrides, ambient_k[: len(records)]
-        )
+        parameter_set, said = with_searched_energies(parameter_set, wanted.search, wanted.overrides, records)
         notes += said
     if any(request.is_life for request in requests):
         options, note = with_ageing(options)
@@ -139,11 +134,7 @@ def _set_and_options(
 
 
 def _values(
-    wanted: CellRequest,
-    model: CellModel,
-    requests: Sequence[RecordRequest],
-    records: Sequence[Record],
-    ambient_k: Sequence[float | None],
+    wanted: CellRequest, model: CellModel, requests: Sequence[RecordRequest], records: Sequence[Record]
 ) -> tuple[dict[str, float], float, list[str]]:
     """What replaces numbers of the model's parameter set, the capacity in A.h, and what is to be said of them."""
     from ...plugins.pybamm.cells.nameplate import CAPACITY, nominal_capacity_ah
@@ -160,7 +151,7 @@ def _values(
     scaled = wanted.scale_to_capacity and in_amperes and WIDTH not in wanted.given
     factor, note = 1.0, ""
     if scaled:
-        starts = [starting_soc(model, *one) for one in zip(requests, records, ambient_k[: len(records)], strict=True)]
+        starts = [starting_soc(model, *one) for one in zip(requests, records, strict=True)]
         factor, note = size_factor(records, values, capacity_ah, starts)
     if note:
         sizes, said = volume_and_surface(values, factor)

@@ -29,9 +29,9 @@ class RecordRequest:
     reading: FileReading = field(default_factory=FileReading)  # How the file is read.
     # As in `Experiment`; ``"recognised"`` for that which the record's own steps show.
     protocol: Protocol | Literal["recognised"] | None = None
-    # scored_cycle, temperature_k, initial_soc: As in `Experiment`.
+    # scored_cycle, initial_soc: As in `Experiment`.
     scored_cycle: int | None = None
-    temperature_k: float | None = None
+    temperature_k: float | None = None  # Ambient temperature, K, in place of that of the source.
     initial_soc: float | None = None
     # Makes a long record of it: these cycles are compared by their curves, all others by the cycle table.
     detailed_cycles: Sequence[int] | Literal["auto"] | None = None
@@ -53,8 +53,13 @@ class RecordRequest:
         return self.protocol
 
     def load(self) -> Record | ImpedanceSpectrum:
-        """What its source holds. Raises `BsaError` if the file cannot be read."""
-        return self.reading.read(self.source) if isinstance(self.source, Path) else self.source
+        """What its source holds, at its temperature if it has one. Raises `BsaError` if the file cannot be read."""
+        found = self.reading.read(self.source) if isinstance(self.source, Path) else self.source
+        if self.temperature_k is None:
+            return found
+        if isinstance(found, Record):
+            return replace(found, ambient_k=self.temperature_k)
+        return replace(found, temperature_k=self.temperature_k)
 
     @property
     def is_life(self) -> bool:

@@ -16,7 +16,7 @@ from ...core.spectrum import ImpedanceSpectrum
 from ...core.target import INITIAL_SOC
 from ...core.task import CellModel, Experiment, Task
 from ...core.trajectory import Trajectory
-from .cell_for_records import ISOTHERMAL, TELLS_K, THERMAL, warms_by
+from .cell_for_records import TELLS_K, apart_k, is_thermal, warms_by
 from .cell_size import other_size_note
 from .current_offsets import searched_offset, without_current_offset
 from .initial_states import KnownStart, with_searched_starts
@@ -56,9 +56,8 @@ def measured_experiments(
     records, spectra = _over_time(asked)
     loaded = [_as_asked(request) for request in records]
     held_out = [replace(request, source=request.load()) for request in held_out]
-    later = [(request, request.source) for request in held_out if isinstance(request.source, Record)]
-    ambient_k = [_ambient_k(request, record) for request, record in (*zip(records, loaded, strict=True), *later)]
-    cell = measured_cell(wanted, records, loaded, ambient_k, [record for _, record in later])
+    later = [request.source for request in held_out if isinstance(request.source, Record)]
+    cell = measured_cell(wanted, records, loaded, later)
     _check_effects(cell.model, [*asked, *forecast, *held_out])
     experiments, starts, said = _fitted(records, loaded, cell)
     notes = [
@@ -100,7 +99,7 @@ def build_task(
     if space.prior_weights.any():
         space = ParameterSpace((*space, *(offset for offset in found.offsets if offset.name not in space)))
     by_current = all(experiment.protocol is None for experiment in found.experiments)
-    compared = by_current and warms_by(found.records) > 0.0 and cell.options.get(THERMAL, ISOTHERMAL) != ISOTHERMAL
+    compared = by_current and warms_by(found.records) > 0.0 and is_thermal(cell.options)
     signals = (*CELL.signals, *[TEMPERATURE] * compared, *(SPECTRUM if spectra else ()))
     experiments = (*over_time, *(spectrum_experiment(request) for request in spectra))
     notes = (*found.notes, *left_out, *found.start_notes)
@@ -117,7 +116,7 @@ def _fitted(
     for request, record in zip(requests, records, strict=True):
         start = None if request.initial_soc is None else KnownStart(request.initial_soc)
         if start is None and request.as_measured:
-            start, words = _shown_start(request, record, _as_warm(request, record, requests, records), cell)
+            start, words = _shown_start(request, record, _as_warm(record, records), cell)
             notes.append(f"{record.name}: {words}, taken as a state of charge of {start.soc:.3f}.")
         starts.append(start)
         experiments.append(_experiment(request, record, None if start is None else start.soc))
@@ -142,18 +141,10 @@ def _shown_start(
     return KnownStart(soc, voltage if at_rest else None, slope), words
 
 
-def _as_warm(
-    request: RecordRequest, record: Record, requests: Sequence[RecordRequest], records: Sequence[Record]
-) -> list[Trajectory]:
+def _as_warm(record: Record, records: Sequence[Record]) -> list[Trajectory]:
     """The other records at nearly the same temperature, at which the cell has nearly the same resistance."""
-    own_k = _ambient_k(request, record)
-    found: list[Trajectory] = []
-    for asked, other in zip(requests, records, strict=True):
-        other_k = _ambient_k(asked, other)
-        apart_k = 0.0 if own_k is None or other_k is None else abs(other_k - own_k)
-        if other is not record and apart_k < TELLS_K:
-            found.append(other.trajectory)
-    return found
+    others = (other for other in records if other is not record)
+    return [other.trajectory for other in others if apart_k([record, other]) < TELLS_K]
 
 
 def _check_effects(cell: CellModel, requests: Sequence[RecordRequest]) -> None:
@@ -164,18 +155,14 @@ def _check_effects(cell: CellModel, requests: Sequence[RecordRequest]) -> None:
         refuse_current_effects(cell)
 
 
-def _ambient_k(request: RecordRequest, record: Record) -> float | None:
-    return record.ambient_k if request.temperature_k is None else request.temperature_k
-
-
 def _initial_k(request: RecordRequest, record: Record) -> float | None:
     """The temperature of the cell at the start, K; None for the ambient one, where a protocol always starts."""
-    return initial_temperature_k(record.trajectory, _ambient_k(request, record)) if request.protocol is None else None
+    return initial_temperature_k(record.trajectory, record.ambient_k) if request.protocol is None else None
 
 
 def _starting_k(request: RecordRequest, record: Record) -> float | None:
     own = _initial_k(request, record)
-    return _ambient_k(request, record) if own is None else own
+    return record.ambient_k if own is None else own
 
 
 def _over_time(requests: Sequence[RecordRequest]) -> tuple[list[RecordRequest], list[RecordRequest]]:
@@ -222,9 +209,9 @@ def _divided(requests: Sequence[RecordRequest]) -> tuple[list[RecordRequest], li
     forecast: list[RecordRequest] = []
     for request in requests:
         parts = request.parts()
-        lives = request.is_life
-        fitted += parts[:1] if lives else parts
-        forecast += parts[1:] if lives else []
+        count = 1 if request.is_life else len(parts)
+        fitted += parts[:count]
+        forecast += parts[count:]
     fitted = _with_own_names(fitted)
     names = [request.source.name for request in fitted if not isinstance(request.source, Path)]
     twice = [name for name in names if names.count(name) > 1]
@@ -301,10 +288,9 @@ def _held_out(request: RecordRequest, record: Record) -> Experiment:
 def _experiment(
     request: RecordRequest, record: Record, initial_soc: float | None, initial_voltage: float | None = None
 ) -> Experiment:
-    driven, ambient_k = request.protocol is None, _ambient_k(request, record)
     target, scored_cycle = record.trajectory, request.scored_cycle
-    if driven:
-        target = from_ambient(target, ambient_k)
+    if request.protocol is None:
+        target = from_ambient(target, record.ambient_k)
     elif target.cycle_table is None:
         target, scored_cycle = _as_simulated(target, scored_cycle)
     return Experiment(
@@ -312,7 +298,7 @@ def _experiment(
         target=target,
         protocol=request.protocol_of(record),
         scored_cycle=scored_cycle,
-        temperature_k=ambient_k,
+        temperature_k=record.ambient_k,
         initial_soc=initial_soc,
         initial_voltage=initial_voltage,
         detailed_cycles=() if request.detailed_cycles is None else record.trajectory.cycles,

@@ -37,7 +37,7 @@ def spectrum_experiment(request: RecordRequest) -> Experiment:
     return Experiment(
         name=spectrum.name,
         target=spectrum_record(spectrum),
-        temperature_k=spectrum.temperature_k if request.temperature_k is None else request.temperature_k,
+        temperature_k=spectrum.temperature_k,
         initial_soc=request.initial_soc,
         initial_voltage=spectrum.voltage if request.initial_soc is None else None,
     )

@@ -27,12 +27,12 @@ def record(first_v: float, last_v: float, charge_ah: float, rest_s: float = 600.
 
 def factor_of(one: Record, set_name: str = "Chen2020", holds_ah: float = HOLDS_AH) -> tuple[float, str]:
     cell = CellModel(set_name, "SPM")
-    start = starting_soc(cell, RecordRequest(one), one, None)
+    start = starting_soc(cell, RecordRequest(one), one)
     return size_factor([one], load(set_name), holds_ah, [start])
 
 
 def test_a_cell_that_starts_part_full_holds_more_than_it_gives() -> None:
-    start = starting_soc(CHEN, RecordRequest(record(4.096, 2.5, 46.0)), record(4.096, 2.5, 46.0), None)
+    start = starting_soc(CHEN, RecordRequest(record(4.096, 2.5, 46.0)), record(4.096, 2.5, 46.0))
     assert start == pytest.approx(0.898, abs=0.002)
     factor, said = factor_of(record(4.096, 2.5, 10.0 * HOLDS_AH * 0.898))
     assert factor == pytest.approx(10.0, rel=0.005)
@@ -52,10 +52,10 @@ def test_a_full_and_an_empty_cell_hold_what_they_give_and_take() -> None:
 
 def test_a_start_that_the_first_voltage_does_not_tell_changes_nothing() -> None:
     flat = record(3.28, 2.1, 10.0)  # the plateau of LiFePO4
-    assert starting_soc(CellModel("Prada2013", "SPM"), RecordRequest(flat), flat, None) is None
+    assert starting_soc(CellModel("Prada2013", "SPM"), RecordRequest(flat), flat) is None
     loaded = record(3.9, 2.5, 20.0, rest_s=0.0)
-    assert starting_soc(CHEN, RecordRequest(loaded), loaded, None) is None
-    assert starting_soc(CHEN, RecordRequest(loaded, initial_soc=0.8), loaded, None) == 0.8
+    assert starting_soc(CHEN, RecordRequest(loaded), loaded) is None
+    assert starting_soc(CHEN, RecordRequest(loaded, initial_soc=0.8), loaded) == 0.8
     assert factor_of(loaded)[0] == pytest.approx(20.0 / HOLDS_AH, rel=1e-3)
 
 
