@@ -32,10 +32,8 @@ def with_holds(signals: RecordSignals, levels: list[Level], earlier: Level | Non
     ``earlier`` is the level before the first one, if there is any.
     """
     band = HOLD_BAND_V + 4.0 * min(signals.voltage_noise, VOLTAGE_NOISE_V)
-    extremes = [
-        (float(piece.min()), float(piece.max()))
-        for piece in (signals.voltage[level.start : level.stop] for level in levels)
-    ]
+    pieces = [signals.voltage[level.start : level.stop] for level in levels]
+    extremes = [(float(piece.min()), float(piece.max())) for piece in pieces]
     joined: list[Level] = []
     end = len(levels) - 1
     while end >= 0:
