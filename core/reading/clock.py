@@ -3,7 +3,6 @@
 import numpy as np
 
 from ..errors import BsaError
-from ..printable import counted, were
 from ..trajectory import FloatArray
 from .samples import Mask, Samples
 
@@ -89,13 +88,7 @@ def with_clock(samples: Samples) -> Samples:
         )
     if np.count_nonzero(back) > max(BACKWARD_ROWS, BACKWARD_SHARE * len(samples)):
         raise _runs_back(samples, int(np.count_nonzero(back)))
-    if back.any():
-        rows = np.flatnonzero(back)
-        samples = samples.kept(
-            ~back,
-            f"{counted(len(rows), 'sample')} out of time order {were(len(rows))} left out ({samples.places(rows)}).",
-        )
-    return _without_repeats(samples)
+    return _without_repeats(samples.without(back, "out of time order"))
 
 
 def choice_of(tests_by: tuple[str, ...] | None) -> str:
@@ -130,16 +123,10 @@ def _without_repeats(samples: Samples) -> Samples:
     # Of the samples that share a stamp the first and, if the current has switched by then, the last are kept.
     keep = ~same | (last_of_stamp & switches)
     rows = np.flatnonzero(~keep)
-    if len(rows) == 0:
-        return samples
     if len(rows) > 0.5 * len(samples):
         raise BsaError(
             f"{samples.source}: {len(rows)} of {len(samples)} rows repeat the time of the row before, first "
             f"{samples.place(int(rows[0]))} ({samples.time[rows[0]]:g} s).",
             "export the time with more digits.",
         )
-    return samples.kept(
-        keep,
-        f"{counted(len(rows), 'sample')} with the time of the one before {were(len(rows))} left out "
-        f"({samples.places(rows)}).",
-    )
+    return samples.without(~keep, "with the time of the one before")

@@ -25,17 +25,17 @@ def with_sign(samples: Samples, options: ReadOptions) -> Samples:
     """
     _refuse_still_current(samples)
     evidence, start, stop = _discharge_positive(samples)
-    stated = options.current_sign
+    stated: str = options.current_sign
+    found = "discharge-positive" if evidence > 0 else "charge-positive"
     if stated == "auto":
         if abs(evidence) < 0.3:
             raise BsaError(
                 f"{samples.source}: the voltage does not tell the sign of column {samples.column('current')}.",
                 "say --current-sign charge-positive or --current-sign discharge-positive.",
             )
-        stated = "discharge-positive" if evidence > 0 else "charge-positive"
+        stated = found
         samples = samples.noted(f"the current was found to be {stated} in the file.")
-    elif (evidence > 0.3 and stated == "charge-positive") or (evidence < -0.3 and stated == "discharge-positive"):
-        other = "discharge-positive" if evidence > 0 else "charge-positive"
+    elif abs(evidence) > 0.3 and stated != found:
         way = "falls" if samples.voltage[stop] < samples.voltage[start] else "rises"
         said = options.constant_current_a if "current" not in samples.names else None
         what = f"column {samples.column('current')}" if said is None else "the current of --constant-current"
@@ -43,7 +43,7 @@ def with_sign(samples: Samples, options: ReadOptions) -> Samples:
             f"{samples.source}: {what} is {samples.current[(start + stop) // 2]:.4g} A while the voltage {way} from "
             f"{samples.voltage[start]:.4g} V ({samples.place(start)}) to {samples.voltage[stop]:.4g} V "
             f"({samples.place(stop)}), so it is not {stated}.",
-            f"say --current-sign {other}." if said is None else _turned(said, stated),
+            f"say --current-sign {found}." if said is None else _turned(said, stated),
         )
     return samples if stated == "discharge-positive" else replace(samples, current=-samples.current)
 

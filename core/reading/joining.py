@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,14 +39,11 @@ def joined(parts: Sequence[Samples], source: str) -> Samples:
     whole = _concatenated(parts, source).noted(
         f"{len(parts)} parts were joined {how}: {listed((part.source for part in parts), _LISTED)}."
     )
-    if any(map(_overlap, parts, parts[1:])) and all("date" in part.extra for part in parts):
+    overlap = any(date_at(one, -1) > date_at(two, 0) for one, two in pairwise(parts))
+    if overlap and all("date" in part.extra for part in parts):
         return _merged(whole)
     bounds = np.cumsum([len(part) for part in parts])[:-1]
     return _on(whole, bounds, everything=True)
-
-
-def _overlap(one: Samples, two: Samples) -> bool:
-    return date_at(one, -1) > date_at(two, 0)
 
 
 def carried_on(samples: Samples, everything: bool = False) -> Samples:

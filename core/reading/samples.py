@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BsaError
-from ..printable import shown
+from ..printable import counted, shown, were
 from ..record import Signal
 from ..trajectory import FloatArray
 
@@ -85,20 +85,17 @@ class Samples:
 
     def place(self, index: int) -> str:
         """Where a sample stands: ``row 12``, or ``row 12 of sheet Channel_1-008``."""
-        row = f"row {self.rows[index]}"
-        if self.sheet is None or not self.sheets:
-            return row
-        return f"{row} of {self.sheets[int(self.sheet[index])]}"
+        return f"row {self.rows[index]}{self._of_sheet(index)}"
+
+    def _of_sheet(self, index: int) -> str:
+        return "" if self.sheet is None or not self.sheets else f" of {self.sheets[int(self.sheet[index])]}"
 
     def places(self, indices: Sequence[int] | NDArray[np.intp]) -> str:
         """Where some samples stand, the first five of them."""
         some = [int(k) for k in indices[:5]]
         more = f" and {len(indices) - 5} more" if len(indices) > 5 else ""
-        if len(some) == 1:
-            return self.place(some[0])
-        if self.sheet is None or len({int(self.sheet[k]) for k in some}) == 1:
-            where = "" if self.sheet is None else f" of {self.sheets[int(self.sheet[some[0]])]}"
-            return "rows " + ", ".join(str(self.rows[k]) for k in some) + where + more
+        if len(some) > 1 and len({self._of_sheet(k) for k in some}) == 1:
+            return "rows " + ", ".join(str(self.rows[k]) for k in some) + self._of_sheet(some[0]) + more
         return ", ".join(self.place(k) for k in some) + more
 
     def column(self, signal: Signal) -> str:
@@ -119,6 +116,14 @@ class Samples:
             inserted=self.inserted[keep],
             notes=(*self.notes, note) if note else self.notes,
         )
+
+    def without(self, left_out: Mask, which: str) -> Samples:
+        """The samples but those to be left out, with a note that says ``which`` these are: ``"without a value"``."""
+        rows = np.flatnonzero(left_out)
+        if len(rows) == 0:
+            return self
+        said = f"{counted(len(rows), 'sample')} {which} {were(len(rows))} left out ({self.places(rows)})."
+        return self.kept(~left_out, said)
 
     def noted(self, note: str) -> Samples:
         """The same samples with one more note."""

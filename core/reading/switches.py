@@ -69,10 +69,8 @@ def resting_voltage(record: Trajectory) -> float:
 def mixed_samples_note(record: Trajectory) -> str:
     """What is to be said of samples whose current is that of one side of a switch and whose voltage of the other."""
     mixed = _mixed(record)
-    return _mixed_words(record, mixed) if mixed else ""
-
-
-def _mixed_words(record: Trajectory, mixed: list[int]) -> str:
+    if not mixed:
+        return ""
     return (
         "current and voltage of a sample are not of one moment where the current switches "
         f"({counted(len(mixed), 'sample')}, the first at {rounded(float(record.time[mixed[0]]), 6)} s): what the cell "
@@ -84,13 +82,12 @@ def _mixed_words(record: Trajectory, mixed: list[int]) -> str:
 def without_mixed_samples(record: Record) -> Record:
     """The record with such samples marked as if no instrument had taken them, and a note of it."""
     found = record.trajectory
-    mixed = _mixed(found)
-    if not mixed:
+    note = mixed_samples_note(found)
+    if not note:
         return record
     inserted = found.inserted.copy()
-    inserted[mixed] = True
-    notes = (*record.notes, _mixed_words(found, mixed))
-    return replace(record, trajectory=replace(found, inserted=inserted), notes=notes)
+    inserted[_mixed(found)] = True
+    return replace(record, trajectory=replace(found, inserted=inserted), notes=(*record.notes, note))
 
 
 def _mixed(record: Trajectory) -> list[int]:

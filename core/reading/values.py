@@ -30,8 +30,6 @@ _EXCEL_DAYS = (32874.0, 73051.0)
 
 def without_missing(samples: Samples) -> Samples:
     """Leave out the few samples without a value. Raises `BsaError` if there are many."""
-    if len(samples) == 0:
-        return samples
     gone = np.zeros(len(samples), dtype=np.bool_)
     signals: dict[Signal, FloatArray] = {"time": samples.time, "voltage": samples.voltage, "current": samples.current}
     for signal, values in signals.items():
@@ -45,13 +43,7 @@ def without_missing(samples: Samples) -> Samples:
                 "fill or remove these rows (formulas in a workbook must be saved with their values).",
             )
         gone |= bad
-    if gone.any():
-        rows = np.flatnonzero(gone)
-        samples = samples.kept(
-            ~gone,
-            f"{counted(len(rows), 'sample')} without a value {were(len(rows))} left out ({samples.places(rows)}).",
-        )
-    return samples
+    return samples.without(gone, "without a value")
 
 
 def check_size(samples: Samples) -> None:
