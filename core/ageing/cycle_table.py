@@ -70,5 +70,8 @@ class CycleTable:
     def up_to(self, cycle: float) -> CycleTable | None:
         """The lines up to a cycle; None if there is none, as of a first cycle without a discharge."""
         kept = self.cycle <= cycle
-        columns = (getattr(self, name)[kept] for name in ("cycle", *COLUMNS))
-        return CycleTable(*columns) if np.any(kept) else None
+        return self.lines(kept) if np.any(kept) else None
+
+    def lines(self, kept: NDArray[np.bool_]) -> CycleTable:
+        """Some of the lines."""
+        return CycleTable(*(getattr(self, name)[kept] for name in ("cycle", *COLUMNS)))

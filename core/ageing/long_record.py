@@ -1,7 +1,6 @@
 """From the samples of a whole life to what is compared of it."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 
 from ..errors import BsaError
 from ..segmentation.recognised_protocol import with_switches
@@ -46,4 +45,4 @@ def with_curves(whole: Trajectory, table: CycleTable, kept: Sequence[int]) -> Tr
 
     Raises `BsaError` if one of the cycles does not exist.
     """
-    return replace(in_sequence([(number, with_switches(whole.cycle(number))) for number in kept]), cycle_table=table)
+    return in_sequence([(number, with_switches(whole.cycle(number))) for number in kept], table)

@@ -8,7 +8,7 @@ from scipy.stats import theilslopes
 
 from ..segmentation.recognised_protocol import SeenStep, seen_steps, voltage_limits
 from ..trajectory import FloatArray, Trajectory
-from .cycle_table import COLUMNS, CycleTable
+from .cycle_table import CycleTable
 
 _CUT_SHORT = 0.97
 """Share of the capacity of the cycles around it below which a cycle was cut short: cells fade by less within days, and
@@ -63,8 +63,7 @@ def without_cut_short(table: CycleTable) -> CycleTable:
     capacity = table.capacity_ah
     padded = np.concatenate([_beyond(capacity[::-1])[::-1], capacity, _beyond(capacity)])
     usual = np.median(np.lib.stride_tricks.sliding_window_view(padded, _AROUND), axis=1)
-    whole = capacity > _CUT_SHORT * usual
-    return CycleTable(table.cycle[whole], *(getattr(table, name)[whole] for name in COLUMNS))
+    return table.lines(capacity > _CUT_SHORT * usual)
 
 
 def _beyond(capacity: FloatArray) -> FloatArray:

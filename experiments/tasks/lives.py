@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ...core.ageing.choice import kept_cycles
-from ...core.ageing.cycle_table import COLUMNS, CycleTable
+from ...core.ageing.cycle_table import CycleTable
 from ...core.ageing.long_record import measured_table, with_curves
 from ...core.ageing.typical_cycle import TypicalCycle, typical_cycle, without_cut_short
 from ...core.errors import BsaError
@@ -68,11 +68,11 @@ def as_life(request: RecordRequest, record: Record) -> list[RecordRequest]:
             "a life needs more; leave out --life, or write a task file with its protocol (docs/ageing.md).",
         )
     last = request.fit_cycles or whole.cycles[-1]
-    fitted, later = _some(table, 0, last), _some(table, last, whole.cycles[-1])
+    fitted, later = table.up_to(last), table.cycle > last
     if fitted is None:
         raise BsaError(f"{record.name} has no whole cycle up to {last}.", "fit more cycles.")
-    found = [_part(request, record, cycle, fitted, (_told(whole, table, cycle),))]
-    return found if later is None else [*found, _part(request, record, cycle, later, ())]
+    found = [_part(request, record, cycle, fitted, (*record.notes, _told(whole, table, cycle)))]
+    return [*found, _part(request, record, cycle, table.lines(later), ())] if later.any() else found
 
 
 def _told(whole: Trajectory, table: CycleTable, cycle: TypicalCycle) -> str:
@@ -81,13 +81,6 @@ def _told(whole: Trajectory, table: CycleTable, cycle: TypicalCycle) -> str:
     if left_out:
         words += f"; {left_out} of {len(whole.cycles)} cycles were cut short or have other steps, and are not compared"
     return f"{words}."
-
-
-def _some(table: CycleTable, after: int, last: int) -> CycleTable | None:
-    chosen = (table.cycle > after) & (table.cycle <= last)
-    if not chosen.any():
-        return None
-    return CycleTable(table.cycle[chosen], *(getattr(table, name)[chosen] for name in COLUMNS))
 
 
 def _part(
@@ -102,7 +95,7 @@ def _part(
     part = Record(
         f"{record.name}, cycles {first} to {last}",
         with_curves(record.trajectory, table, kept or (first, last)),
-        (*(record.notes if notes else ()), *notes),
+        notes,
         record.ambient_k,
     )
     protocol = (cycle.steps,) * last
