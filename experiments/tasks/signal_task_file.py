@@ -197,7 +197,7 @@ def _table_columns(path: Path, wanted: Mapping[str, str], notes: list[str]) -> d
                 f"its columns are {listed(table.header)}; name another under columns.",
             )
         places[key] = table.header.index(column)
-    read = table.numbers({place: wanted[key] for key, place in places.items()}, {})
+    read = table.numbers(list(places.values()), {})
     notes += [f"{table.source}: {note}" for note in (*said, *read.notes)]
     return {key: read.values[place] for key, place in places.items()}
 

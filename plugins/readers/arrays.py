@@ -28,7 +28,7 @@ class ArrayTable:
         """The first cell of a column that holds something; see `Table.first`."""
         return first_filled(_texts(self.columns[place][:FIRST_ROWS]))
 
-    def numbers(self, wanted: Mapping[int, str], where: Mapping[str, str], texts: Sequence[int] = ()) -> Numbers:
+    def numbers(self, wanted: Sequence[int], where: Mapping[str, str], texts: Sequence[int] = ()) -> Numbers:
         """Read columns; see `Table.numbers`."""
         size = len(self.columns[0])
         if size > MAX_SAMPLES:
@@ -41,7 +41,7 @@ class ArrayTable:
             raise no_row(self.source, where, self.columns[self.header.index(next(iter(where)))].tolist())
         return Numbers(
             rows[keep],
-            {place: self._floats(self.columns[place][keep], rows[keep], name) for place, name in wanted.items()},
+            {place: self._floats(self.columns[place][keep], rows[keep], self.header[place]) for place in wanted},
             {place: _texts(self.columns[place][keep]) for place in texts},
         )
 

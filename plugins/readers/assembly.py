@@ -2,7 +2,7 @@
 
 import shlex
 from collections.abc import Container, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -13,23 +13,18 @@ from ...core.reading.clock import RESTART_S
 from ...core.reading.samples import Extra, Samples
 from ...core.record import ReadOptions
 from ...core.trajectory import FloatArray
-from .arrays import ArrayTable
-from .columns import EXTRA, Column, ambient_in, may_be_temperatures, named, resolve, unit_of
+from .columns import EXTRA, AnyTable, Column, ambient_in, may_be_temperatures, named, resolve, unit_of
 from .dates import clock_s, elapsed_s, exchanged, is_clock_or_date, is_date, is_of_days, seconds_of, since_first
 from .impedance_columns import are_points, spectrum_columns
 from .several_cells import refuse_several_cells, telling_cells
 from .state_sign import NAMES as STATES
 from .state_sign import with_signs
-from .table import Numbers, Table, first_filled, numbers_in
+from .table import Numbers, first_filled, numbers_in
 
 _COULOMB = ("c", "coulomb", "as", "a.s")
 """Units of a charge in ampere seconds, folded."""
 
 _TAKEN = {"time": "s", "voltage": "V", "current": "A", "temperature": "degC"}
-
-
-AnyTable = Table | ArrayTable
-"""A table of any kind of file."""
 
 
 @dataclass(frozen=True)
@@ -38,16 +33,16 @@ class _Times:
 
     seconds: FloatArray  # Time of each sample, s; shape (n,).
     dates: Mapping[Extra, FloatArray]  # Of each sample, where there are any.
-    day_first: bool | None = None  # Whether the day comes before the month in them; None where that is not told.
-    notes: tuple[str, ...] = ()
+    day_first: bool | None  # Whether the day comes before the month in them; None where that is not told.
+    notes: tuple[str, ...]
 
 
 def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ()) -> Samples:
     """Read the signals of a table. Raises `BsaError` naming the file, the row or column at fault and its value."""
-    found = resolve(table.header, table.units, options, table.source)
+    found = resolve(table, options)
     taken = {column.index for column in found.values()}
     places = _places_of_extra(table.header, taken)
-    ambient, unknown = ambient_in(table.header, table.units)
+    ambient, unknown = ambient_in(table)
     time = found["time"]
     in_words = is_clock_or_date(table.first(time.index))  # as 10:00:00, or as a date
     numeric = [column for column in found.values() if not (in_words and column is time)]
@@ -57,18 +52,15 @@ def read_table(table: AnyTable, options: ReadOptions, notes: Sequence[str] = ())
     impedance = spectrum_columns(table.header, {})
     of_spectra = [] if impedance is None else [impedance.frequency, impedance.first, impedance.second]
     texts = [*places.values(), *beside, *([time.index] if in_words else []), *cells, *of_spectra]
-    read = table.numbers({column.index: column.name for column in numeric}, options.where, texts)
+    read = table.numbers([column.index for column in numeric], options.where, texts)
     refuse_several_cells(table.header, {place: read.texts[place] for place in cells}, table.source)
     signals = {column.signal: column.in_si(read.values[column.index]) for column in numeric}
     extra = _extra(table, places, read)
     if ambient is not None:
         extra["ambient_k"] = kelvin(ambient, read.texts[ambient.index], table.decimal_comma)
     dates, texts_of_dates = extra.pop("date", None), read.texts.get(places.get("date", -1), ())
-    times = (
-        _times_in_words(table.source, time, read.texts[time.index], dates, texts_of_dates)
-        if in_words
-        else _times_in_numbers(signals["time"], dates, texts_of_dates)
-    )
+    told_times = read.texts[time.index] if in_words else signals["time"]
+    times = _times(table.source, time, told_times, dates, texts_of_dates)
     extra |= times.dates
     if "current" not in signals:
         assert options.constant_current_a is not None
@@ -127,38 +119,33 @@ def _places_of_extra(header: Sequence[str], taken: Container[int]) -> dict[Extra
     return {name: place for name, place in found.items() if place is not None and place not in taken}
 
 
-def _times_in_words(
-    source: str, column: Column, texts: Sequence[str], beside: FloatArray | None, texts_beside: Sequence[str]
+def _times(
+    source: str,
+    column: Column,
+    told: FloatArray | Sequence[str],
+    beside: FloatArray | None,
+    texts_beside: Sequence[str],
 ) -> _Times:
-    """Times that are clocks or dates; ``beside`` are the dates of a column beside them."""
-    seconds, dates = elapsed_s(texts, source, column.name, beside)
-    note = f'the time is that of column "{shown(column.name)}", which begins at {shown(first_filled(texts))}.'
-    if clock_s(first_filled(texts)) is None:  # they are dates themselves
-        beside, texts_beside = dates, texts
-    dates = beside if dates is None else dates
-    return _dated(_Times(seconds, {}, None, (note,)), dates, beside, texts_beside)
-
-
-def _times_in_numbers(values: FloatArray, beside: FloatArray | None, texts_beside: Sequence[str]) -> _Times:
-    """Times in seconds, or in seconds since 1970, which are dates; ``beside`` are those of a column beside them."""
-    if not is_date(values):
-        return _dated(_Times(values, {}), beside, beside, texts_beside)
-    return _dated(_Times(since_first(values), {}), values if beside is None else beside, beside, texts_beside)
-
-
-def _dated(times: _Times, dates: FloatArray | None, written: FloatArray | None, texts: Sequence[str]) -> _Times:
-    """Times with what dates tell.
-
-    ``written`` are those of the column with these texts, ``dates`` have also the time of the day, if a clock beside it
-    tells one.
-    """
+    """What the column of the time tells in numbers or in words; ``beside`` are the dates of a column beside it."""
+    notes: tuple[str, ...] = ()
+    if not isinstance(told, np.ndarray):
+        seconds, dates = elapsed_s(told, source, column.name, beside)
+        first = first_filled(told)
+        notes = (f'the time is that of column "{shown(column.name)}", which begins at {shown(first)}.',)
+        if clock_s(first) is None:  # they are dates themselves
+            beside, texts_beside = dates, told
+        dates = beside if dates is None else dates
+    elif is_date(told):  # seconds since 1970
+        seconds, dates = since_first(told), told if beside is None else beside
+    else:
+        seconds, dates = told, beside
     if dates is None:
-        return times
+        return _Times(seconds, {}, None, notes)
     found: dict[Extra, FloatArray] = {"day" if is_of_days(dates) else "date": dates}
-    day_first, other = exchanged(texts)
-    if other is not None:
-        found["other_date"] = other + (dates - (dates if written is None else written))
-    return replace(times, dates=found, day_first=day_first)
+    day_first, other = exchanged(texts_beside)
+    if other is not None:  # with the time of the day that a clock may have told
+        found["other_date"] = other + (dates - (dates if beside is None else beside))
+    return _Times(seconds, found, day_first, notes)
 
 
 def _notes_on_units(columns: Sequence[Column], options: ReadOptions) -> Iterator[str]:
@@ -210,7 +197,7 @@ def _extra(table: AnyTable, places: Mapping[Extra, int], read: Numbers) -> dict[
         values = seconds_of(texts) if name == "date" else numbers_in(texts, table.decimal_comma)
         if values is None or not np.isfinite(values).any():
             continue
-        found[name] = values / _per_ah(unit_of(table.header, table.units, place)) if name.endswith("_ah") else values
+        found[name] = values / _per_ah(unit_of(table, place)) if name.endswith("_ah") else values
     return found
 
 
@@ -236,7 +223,7 @@ def told_apart_by(
     """
     found = []
     for place, name in enumerate(table.header):
-        cells = table.numbers({}, options.where, [place]).texts[place]
+        cells = table.numbers([], options.where, [place]).texts[place]
         if rows is not None:
             cells = [cells[row] for row in rows]
         changes = [k for k, (one, two) in enumerate(pairwise(cells), 1) if one != two]

@@ -14,7 +14,11 @@ from ...core.printable import listed, shown
 from ...core.reading.samples import Extra
 from ...core.record import ReadOptions, Signal
 from ...core.trajectory import FloatArray
-from .table import no_column
+from .arrays import ArrayTable
+from .table import Table, no_column
+
+AnyTable = Table | ArrayTable
+"""A table of any kind of file."""
 
 SIGNALS: tuple[Signal, ...] = get_args(Signal)
 
@@ -135,19 +139,15 @@ class Column:
 
     def in_si(self, values: FloatArray) -> FloatArray:
         """Values in s, V, A or K; without a unit they are taken to be in s, V, A or degC."""
-        if self.signal == "temperature":
-            return self._in_kelvin(values)
+        if self.unit in _KELVIN:
+            return values
         factor = _FACTORS[self.signal][self.unit] if self.unit else 1.0
+        if self.signal == "temperature":
+            zero = _ZERO_C_IN_F if self.unit in _FAHRENHEIT else 0.0
+            return np.asarray((values - zero) * factor + zero_Celsius)
         # Dividing by a round number keeps 3700 mV exactly 3.7 V.
         with np.errstate(over="ignore"):  # an infinite number is refused by its row
             return values / round(1.0 / factor) if factor < 1.0 else values * factor
-
-    def _in_kelvin(self, values: FloatArray) -> FloatArray:
-        if self.unit in _KELVIN:
-            return values
-        zero = _ZERO_C_IN_F if self.unit in _FAHRENHEIT else 0.0
-        factor = _FACTORS["temperature"][self.unit] if self.unit else 1.0
-        return np.asarray((values - zero) * factor + zero_Celsius)
 
 
 def split_name(name: str) -> tuple[str, str | None]:
@@ -189,23 +189,18 @@ def _may_be(signal: Signal, base: str, unit: str | None) -> bool:
     return base not in _TWO_MEANINGS or warm == (signal == "temperature")
 
 
-def _is_modulus(name: str) -> bool:
-    """Whether a name is that of an amplitude, such as ``|I|/A`` of an impedance: the signal stands beside it."""
-    return name.lstrip().startswith("|")
-
-
-def unit_of(header: Sequence[str], units: Sequence[str] | None, place: int) -> str | None:
+def unit_of(table: AnyTable, place: int) -> str | None:
     """The unit of a column as written: in its name, else in the row of units beneath the header."""
-    beneath = units[place] if units is not None and place < len(units) else ""
-    return split_name(header[place])[1] or unicodedata.normalize("NFKC", beneath).strip(" []()") or None
+    beneath = table.units[place] if table.units is not None and place < len(table.units) else ""
+    return split_name(table.header[place])[1] or unicodedata.normalize("NFKC", beneath).strip(" []()") or None
 
 
-def ambient_in(header: Sequence[str], units: Sequence[str] | None) -> tuple[Column | None, str]:
+def ambient_in(table: AnyTable) -> tuple[Column | None, str]:
     """The column with the temperature around the cell; none, and a note, where its unit is no unit of temperature."""
-    place = named(header, AMBIENT)
+    place = named(table.header, AMBIENT)
     if place is None:
         return None, ""
-    name, unit = header[place], unit_of(header, units, place)
+    name, unit = table.header[place], unit_of(table, place)
     folded = None if unit is None else unit.casefold()
     if folded is None or _folded(folded) in AMBIENT:  # Digatron: the name stands where the unit is looked for
         return Column("temperature", place, name, None), ""
@@ -240,52 +235,45 @@ def named(header: Sequence[str], names: Sequence[str]) -> int | None:
     return bases.index(found) if found is not None and bases.count(found) == 1 else None
 
 
-def resolve(
-    header: Sequence[str], units: Sequence[str] | None, options: ReadOptions, source: str
-) -> dict[Signal, Column]:
-    """Find the column of each signal.
+def resolve(table: AnyTable, options: ReadOptions) -> dict[Signal, Column]:
+    """Find the column of each signal; what the user said in the options goes before what the names suggest.
 
-    ``units`` is a row of units beneath the header; what the user said in the options goes before what the names
-    suggest. Raises `BsaError` if a signal has no column, two columns, or a unit that is not known.
+    Raises `BsaError` if a signal has no column, two columns, or a unit that is not known.
     """
-    places: dict[Signal, int] = {}
-    for signal in SIGNALS:
-        index = _index(header, units, signal, options, source)
-        if index is not None:
-            places[signal] = index
+    known = ((signal, _index(table, signal, options)) for signal in SIGNALS)
+    places = {signal: index for signal, index in known if index is not None}
     required: list[Signal] = ["time", "voltage"]
     if options.constant_current_a is None:
         required.append("current")
     missing = [signal for signal in required if signal not in places]
     if missing:
-        raise _lacking(header, missing, source)
+        raise _lacking(table, missing)
     taken: dict[int, Signal] = {}
     for signal, index in places.items():
         other = taken.setdefault(index, signal)
         if other != signal:
             raise BsaError(
-                f'{source}: column "{shown(header[index])}" is named for both {other} and {signal}.',
+                f'{table.source}: column "{shown(table.header[index])}" is named for both {other} and {signal}.',
                 f"give one of them another column: --column {signal}=NAME.",
             )
     found = {}
     for signal, index in places.items():
-        unit = _unit(header, units, index, signal, options, source)
-        written = unit_of(header, units, index)
+        unit, written = _unit(table, index, signal, options), unit_of(table, index)
         replaced = written is not None and signal in options.units and not _is_same(signal, written, unit)
-        found[signal] = Column(signal, index, header[index], unit, written if replaced else None)
+        found[signal] = Column(signal, index, table.header[index], unit, written if replaced else None)
     return found
 
 
-def _lacking(header: Sequence[str], missing: Sequence[Signal], source: str) -> BsaError:
+def _lacking(table: AnyTable, missing: Sequence[Signal]) -> BsaError:
     """The error of a table without columns for these signals."""
     lacks = f"no column for {', '.join(missing)}"
-    if "voltage" in missing and _is_of_cycles(header):
+    if "voltage" in missing and _is_of_cycles(table.header):
         return BsaError(
-            f"{source} is a table with one row for each cycle: it has {lacks}.",
+            f"{table.source} is a table with one row for each cycle: it has {lacks}.",
             "give the cycler's record of time, voltage and current: how a cell ages is read from the whole curves of "
             "its cycles, and not from their capacities alone.",
         )
-    return BsaError(f"{source} has {lacks}.", _which(header, missing))
+    return BsaError(f"{table.source} has {lacks}.", _which(table.header, missing))
 
 
 def _is_of_cycles(header: Sequence[str]) -> bool:
@@ -303,20 +291,19 @@ def _which(header: Sequence[str], missing: Sequence[Signal]) -> str:
     return f"its columns {called} {listed(header)}; say which with {options}{also * ('current' in missing)}."
 
 
-def _index(
-    header: Sequence[str], units: Sequence[str] | None, signal: Signal, options: ReadOptions, source: str
-) -> int | None:
-    wanted = options.columns.get(signal)
+def _index(table: AnyTable, signal: Signal, options: ReadOptions) -> int | None:
+    header, wanted = table.header, options.columns.get(signal)
     if wanted is not None:
         places = [k for k, name in enumerate(header) if name == wanted]
         if not places:
-            raise no_column(wanted, header, source)
+            raise no_column(wanted, header, table.source)
     else:
         if signal == "voltage" and half_cell(header):
-            raise _no_voltage(header, source)
+            raise _no_voltage(table)
         bases = [split_name(name)[0] for name in header]
+        # ``|I|/A`` is an amplitude of an impedance: the current stands beside it.
         meant = [
-            _may_be(signal, base, unit_of(header, units, k)) and not _is_modulus(header[k])
+            _may_be(signal, base, unit_of(table, k)) and not header[k].lstrip().startswith("|")
             for k, base in enumerate(bases)
         ]
         preferred = _preferred(NAMES[signal], [base for base, fits in zip(bases, meant, strict=True) if fits])
@@ -326,31 +313,31 @@ def _index(
         places = places or [k for k, base in enumerate(bases) if base in _UNIT_NAMES[signal]]
     if len(places) > 1:
         raise BsaError(
-            f"{source} has {len(places)} columns for {signal}: {listed(header[k] for k in places)}.",
+            f"{table.source} has {len(places)} columns for {signal}: {listed(header[k] for k in places)}.",
             f"rename them in the file, or say which with --column {signal}=NAME.",
         )
     return places[0] if places else None
 
 
-def _no_voltage(header: Sequence[str], source: str) -> BsaError:
-    names = {split_name(name)[0]: shown(name) for name in reversed(header)}
+def _no_voltage(table: AnyTable) -> BsaError:
+    names = {split_name(name)[0]: shown(name) for name in reversed(table.header)}
     working, counter = names[_WORKING], names[_COUNTER]
     return BsaError(
-        f'{source} has the potentials of both electrodes ("{working}", "{counter}"), but not the voltage between them.',
+        f'{table.source} has the potentials of both electrodes ("{working}", "{counter}"), but not the voltage between '
+        "them.",
         f'export Ewe-Ece too; or, if "{working}" is the voltage of the cell, say --column voltage={working}.',
     )
 
 
-def _unit(
-    header: Sequence[str], units: Sequence[str] | None, index: int, signal: Signal, options: ReadOptions, source: str
-) -> str | None:
-    unit = options.units.get(signal) or unit_of(header, units, index)
+def _unit(table: AnyTable, index: int, signal: Signal, options: ReadOptions) -> str | None:
+    unit = options.units.get(signal) or unit_of(table, index)
     if unit is None or (signal == "time" and ":" in unit):  # "hh:mm:ss" tells how a clock is written
         return None
     folded = unit.strip().rstrip(".").casefold()
     if folded not in _FACTORS[signal]:
         raise BsaError(
-            f'{source}: column "{shown(header[index])}" has the unit "{shown(unit)}", which is no unit of {signal}.',
+            f'{table.source}: column "{shown(table.header[index])}" has the unit "{shown(unit)}", which is no unit of '
+            f"{signal}.",
             f"say --unit {signal}=UNIT with {_OFFERED[signal]}.",
         )
     return folded

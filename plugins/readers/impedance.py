@@ -17,8 +17,8 @@ from ...core.reading.samples import Mask
 from ...core.record import ReadOptions
 from ...core.spectrum import ImpedanceSpectrum
 from ...core.trajectory import FloatArray
-from .assembly import AnyTable, kelvin, told_apart_by
-from .columns import NAMES, Column, ambient_in, half_cell, named, unit_of
+from .assembly import kelvin, told_apart_by
+from .columns import NAMES, AnyTable, Column, ambient_in, half_cell, named, unit_of
 from .gamry import gamry_spectrum, is_gamry_s
 from .impedance_columns import SpectrumColumns, are_points, base_of, is_of_a_record, spectrum_columns
 from .source import first_lines, is_text_table, load_text
@@ -105,10 +105,10 @@ def spectrum_of(
     """
     columns = _columns_of(table, options)
     voltage = None if half_cell(table.header) else named(table.header, NAMES["voltage"])
-    ambient, unknown = ambient_in(table.header, table.units)
+    ambient, unknown = ambient_in(table)
     wanted = [columns.frequency, columns.first, columns.second]
     beside = [voltage, None if ambient is None else ambient.index]
-    read = table.numbers({}, options.where, [*wanted, *(place for place in beside if place is not None)])
+    read = table.numbers([], options.where, [*wanted, *(place for place in beside if place is not None)])
     frequency, first, second = (numbers_in(read.texts[place], table.decimal_comma) for place in wanted)
     kept = are_points(frequency, first, second)
     said = [*notes, *read.notes]
@@ -139,7 +139,7 @@ def spectrum_of(
         said.append("the imaginary part is positive at the lowest frequency; it was taken to be -Im(Z) and turned.")
     rest = None
     if voltage is not None:
-        unit_v = unit_of(table.header, table.units, voltage)
+        unit_v = unit_of(table, voltage)
         column = Column("voltage", voltage, table.header[voltage], None if unit_v is None else unit_v.casefold())
         if column.has_known_unit:
             rest = _median(column.in_si(numbers_in(read.texts[voltage], table.decimal_comma)))
@@ -229,7 +229,7 @@ def _radians(table: AnyTable, place: int) -> tuple[float, tuple[str, ...]]:
 
 
 def _unit(table: AnyTable, place: int) -> str | None:
-    unit = unit_of(table.header, table.units, place)
+    unit = unit_of(table, place)
     return None if unit is None or unit.casefold() == _NO_UNIT else unit
 
 

@@ -67,12 +67,12 @@ class Table:
         """The first cell of a column that holds something, among the first rows; empty where none does."""
         return first_filled(row[place] for _, row in islice(self.cells(), FIRST_ROWS) if place < len(row))
 
-    def numbers(self, wanted: Mapping[int, str], where: Mapping[str, str], texts: Sequence[int] = ()) -> Numbers:
+    def numbers(self, wanted: Sequence[int], where: Mapping[str, str], texts: Sequence[int] = ()) -> Numbers:
         """Read columns.
 
-        ``wanted`` are places and names of the columns, ``where`` columns and the values that a row must have to be
-        kept, ``texts`` places of columns that are wanted as they are written; an absent cell is empty. Raises
-        `BsaError` naming the row, the column and the value of a cell that is no number.
+        ``wanted`` are places of columns of numbers, ``where`` columns and the values that a row must have to be kept,
+        ``texts`` places of columns that are wanted as they are written; an absent cell is empty. Raises `BsaError`
+        naming the row, the column and the value of a cell that is no number.
         """
         conditions = row_conditions(self.header, where, self.source)
         width = len(self.header)
@@ -97,7 +97,7 @@ class Table:
             for place, column in columns.items():
                 value = number_in(cells[place], self.decimal_comma)
                 if value is None:
-                    raise self._text(place, wanted[place], number, conditions)
+                    raise self._text(place, number, conditions)
                 column.append(value)
             if len(rows) > MAX_SAMPLES:
                 raise BsaError(f"{self.source} has more than {MAX_SAMPLES} rows.", "cut it, or thin it out first.")
@@ -112,7 +112,7 @@ class Table:
         values = {place: np.frombuffer(column, dtype=np.float64).copy() for place, column in columns.items()}
         return Numbers(np.frombuffer(rows, dtype=np.int64).copy(), values, written, notes)
 
-    def _text(self, place: int, column: str, row: int, conditions: Sequence[tuple[int, str]]) -> BsaError:
+    def _text(self, place: int, row: int, conditions: Sequence[tuple[int, str]]) -> BsaError:
         """The error of a column with texts, of which the first stands in a row."""
         chosen = [
             cells[place]
@@ -120,7 +120,8 @@ class Table:
             if len(cells) > place and all(same(cells[k], value) for k, value in conditions)
         ]
         texts = [cell for cell in chosen if number_in(cell, self.decimal_comma) is None]
-        return no_number(self.source, f"{self.place}row {row}", column, texts[0], len(texts), len(chosen))
+        name = self.header[place]
+        return no_number(self.source, f"{self.place}row {row}", name, texts[0], len(texts), len(chosen))
 
 
 def find_table(text: str, source: str) -> Table:
@@ -234,8 +235,8 @@ def _numeric(top: Sequence[Sequence[str]], index: int) -> bool:
 
     if not looks(top[index]):
         return False
-    later = [cells for cells in top[index + 1 :] if any(cells)]
-    return not later or len(later[0]) == len(top[index]) or looks(later[0])
+    after = _next(top, index)
+    return not after or len(after) == len(top[index]) or looks(after)
 
 
 def _header(top: Sequence[Sequence[str]], first: int) -> tuple[tuple[str, ...], tuple[str, ...] | None]:

@@ -8,6 +8,7 @@ from bsa.core.errors import BsaError
 from bsa.core.reading.reading import read_record
 from bsa.core.record import ReadOptions, Signal
 from bsa.plugins.readers.columns import resolve, signal_of
+from bsa.plugins.readers.table import Table
 
 SECONDS = np.arange(100) * 60.0
 VOLTS = 4.2 - 0.01 * np.arange(100)
@@ -117,7 +118,8 @@ UNITS = ("", "", "", "[degC]")
 def test_a_unit_that_a_person_says_in_place_of_the_file_s_is_kept_beside_it(
     signal: Signal, said: str, written: str | None
 ) -> None:
-    found = resolve(HEADER, UNITS, ReadOptions.model_validate({"units": {signal: said}}), "a.csv")
+    table = Table("a.csv", HEADER, UNITS, lambda: iter(()), ",")
+    found = resolve(table, ReadOptions.model_validate({"units": {signal: said}}))
     assert found[signal].unit == said.casefold()
     assert found[signal].written == written
     assert {column.written for name, column in found.items() if name != signal} == {None}
