@@ -143,16 +143,6 @@ def _is_statistics(title: str, header: Sequence[str]) -> bool:
     return title.casefold().startswith("statistics") or (_channel(title) is None and not bases.isdisjoint(_STATISTICS))
 
 
-def _rows(sheet: Any) -> Iterator[list[Any]]:
-    """All rows; the first ones, which calamine leaves out where they are empty, are counted."""
-    yield from ([] for _ in range(sheet.start[0] if sheet.start else 0))
-    yield from sheet.iter_rows()
-
-
-def _text(value: Any) -> str:
-    return str(value).strip()
-
-
 def _header(rows: Iterator[tuple[int, list[str]]], options: ReadOptions) -> tuple[int, tuple[str, ...]] | None:
     """The row of names near the top, and its number."""
     said = options.signal_columns.values()
@@ -171,7 +161,8 @@ def _header(rows: Iterator[tuple[int, list[str]]], options: ReadOptions) -> tupl
 
 def _cells(sheet: Any, header: int) -> Iterator[tuple[int, list[str]]]:
     """The rows below one (0 for all) that are not blank."""
-    for number, values in enumerate(_rows(sheet), 1):
-        cells = [_text(value) for value in values] if number > header else []
+    left_out = sheet.start[0] if sheet.start else 0  # empty rows at the top, which calamine does not give
+    for number, values in enumerate(sheet.iter_rows(), left_out + 1):
+        cells = [str(value).strip() for value in values] if number > header else []
         if any(cells):
             yield number, cells

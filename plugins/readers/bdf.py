@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.constants import zero_Celsius
 
 from ...core.errors import BsaError
@@ -85,7 +84,9 @@ def write(data: Record | Trajectory, path: Path, steps: bool = True) -> None:
         columns["Step Count / 1"] = np.repeat(np.arange(1.0, len(lengths) + 1), lengths)
     if np.any(trajectory.inserted):
         columns |= _counters(trajectory)
-        columns = {name: values[_to_write(trajectory)] for name, values in columns.items()}
+        measured = ~trajectory.inserted
+        measured[[0, -1]] = True  # with its ends, whatever they are, the record keeps its length
+        columns = {name: values[measured] for name, values in columns.items()}
     if path.suffix.lower() == ".parquet":
         _write_parquet(columns, path)
         return
@@ -94,13 +95,6 @@ def write(data: Record | Trajectory, path: Path, steps: bool = True) -> None:
         ",".join(map(repr, row)) for row in zip(*(values.tolist() for values in columns.values()), strict=True)
     )
     write_text(path, "\n".join(lines) + "\n")
-
-
-def _to_write(trajectory: Trajectory) -> NDArray[np.bool_]:
-    """The samples that were measured, and the ends of the record, whatever they are: it keeps its length."""
-    written = ~trajectory.inserted
-    written[[0, -1]] = True
-    return written
 
 
 def _counters(trajectory: Trajectory) -> dict[str, FloatArray]:

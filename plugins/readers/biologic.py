@@ -87,11 +87,10 @@ def _mean_current(time: FloatArray, charge: FloatArray) -> FloatArray:
 
     At the first sample, and where no time passed, the current is that of the next one.
     """
-    current = np.zeros(len(time))
     passed = np.flatnonzero(np.diff(time) > 0)
-    if len(passed):
-        rate = SECONDS_PER_HOUR * np.diff(charge)[passed] / np.diff(time)[passed]
-        # The first interval with a duration that ends at the sample or after it; behind the last one, that one.
-        after = np.searchsorted(passed + 1, np.arange(len(time)))
-        current = rate[np.minimum(after, len(rate) - 1)]
-    return current
+    if len(passed) == 0:
+        return np.zeros(len(time))
+    rate = SECONDS_PER_HOUR * np.diff(charge)[passed] / np.diff(time)[passed]
+    # The first interval with a duration that ends at the sample or after it; behind the last one, that one.
+    after = np.searchsorted(passed + 1, np.arange(len(time)))
+    return np.asarray(rate[np.minimum(after, len(rate) - 1)])

@@ -25,4 +25,4 @@ def read_frame(frame: pandas.DataFrame, options: ReadOptions, name: str) -> Samp
         raise BsaError(f"{shown(name)} has no rows.", "give a DataFrame with one row for each sample.")
     header = tuple(str(column) for column in frame.columns)
     columns = [frame.iloc[:, place].to_numpy() for place in range(len(header))]
-    return read_table(ArrayTable(shown(name), header, columns), options, [])
+    return read_table(ArrayTable(shown(name), header, columns), options)

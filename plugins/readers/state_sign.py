@@ -20,22 +20,10 @@ _CHARGE = re.compile(r"ch(a|g|r)|laden|充|^c(?![^\W_])")
 
 
 def with_signs(current: FloatArray, states: Sequence[str], discharge_positive: bool) -> FloatArray | None:
-    """A current with the sign of the state of each row.
+    """A current with the sign of the state of each row, shape (n,); a state that names none goes on as before.
 
-    Parameters
-    ----------
-    current : ndarray of shape (n,)
-        Sizes, A; NaN where a cell is empty.
-    states : sequence of str
-        The state of each row. One that names neither charge nor discharge goes on with what was before.
-    discharge_positive : bool
-        Whether the person says that the current is positive on discharge.
-
-    Returns
-    -------
-    ndarray of shape (n,) or None
-        Negative on discharge (or on charge, where that is said); None if the current has signs of its own, or no state
-        names what would be negative.
+    It is negative on discharge, or on charge where the person says that it is positive on discharge. None if the
+    current has signs of its own, or no state names what would be negative.
     """
     if np.any(current < 0.0):
         return None
