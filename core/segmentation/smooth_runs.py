@@ -24,10 +24,7 @@ def smoothed(signals: RecordSignals, levels: list[Level]) -> list[Level]:
 
 
 def _continues(signals: RecordSignals, before: Level, after: Level) -> bool:
-    if before.sign != after.sign or before.sign == 0 or before.kind or after.kind:
-        return False
-    # Neighbouring samples of a drive may agree by chance: only a long level takes others in.
-    if not (before.long or after.long):
+    if not _may_be_one(before, after):
         return False
     if abs(before.mean - after.mean) <= 0.5 * signals.tolerance(before.mean):
         return True
@@ -37,13 +34,16 @@ def _continues(signals: RecordSignals, before: Level, after: Level) -> bool:
 
 
 def _bridges(signals: RecordSignals, before: Level, glitch: Level, after: Level) -> bool:
-    if before.sign != after.sign or before.sign == 0 or glitch.samples > 2 or before.kind or after.kind:
-        return False
-    if not (before.long or after.long):
+    if glitch.samples > 2 or not _may_be_one(before, after):
         return False
     spacing = (before.seconds + after.seconds) / (before.samples + after.samples)
     brief = glitch.seconds <= 2.5 * max(spacing, 1.0)
     return brief and abs(before.mean - after.mean) <= signals.tolerance(before.mean)
+
+
+def _may_be_one(before: Level, after: Level) -> bool:
+    """Whether both are of one sign and unnamed, and one is long: samples of a drive may agree by chance."""
+    return before.sign == after.sign != 0 and not (before.kind or after.kind) and (before.long or after.long)
 
 
 def without_ramps(signals: RecordSignals, levels: list[Level]) -> list[Level]:
@@ -74,17 +74,15 @@ def without_edges(signals: RecordSignals, levels: list[Level]) -> list[Level]:
     """Give the one or two samples caught in the middle of a switch to the long step they belong to."""
     joined: list[Level] = []
     pending: int | None = None
-    for index, level in enumerate(levels):
+    for before, level, after in zip([None, *levels], levels, [*levels[1:], None], strict=False):
         if pending is not None:
             level = _begun_at(signals, level, pending)
             pending = None
-        before = levels[index - 1] if index > 0 else None
-        after = levels[index + 1] if index + 1 < len(levels) else None
-        if level.sign == 0 or level.samples > 2 or level.kind or level.long or not (_calm(before) and _calm(after)):
-            joined.append(level)
-        elif after is not None and after.sign != 0:
+        short = level.sign != 0 and level.samples <= 2 and not level.kind and not level.long
+        caught = short and _calm(before) and _calm(after)
+        if caught and after is not None and after.sign != 0:
             pending = level.start
-        elif before is not None and before.sign != 0:
+        elif caught and before is not None and before.sign != 0:
             joined[-1] = replace(joined[-1], stop=level.stop, seconds=signals.seconds(joined[-1].start, level.stop))
         else:
             joined.append(level)
