@@ -1,6 +1,6 @@
 """The time by which an instrument writes the voltage later than the current."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,48 +24,28 @@ _LEFT = 0.5
 """A lag is one where it leaves at most this share of what no lag leaves of the changes of the voltage."""
 
 
-@dataclass(frozen=True)
-class Lag:
-    """How much later than the current a record has its voltage."""
-
-    seconds: float
-    # Share of the squared changes of the voltage that is proportional to those of the current, without and with it.
-    without: float
-    explained: float
-    apart_s: float  # What the changes are over, s.
-
-
 def without_lag(samples: Samples, asked_s: float | None) -> Samples:
     """The samples with a voltage that was written at the time of the current.
 
-    Parameters
-    ----------
-    asked_s : float or None
-        The lag that is taken back, in s; None for that which the samples show, if they show one.
+    The lag that is taken back is ``asked_s``, in s; None stands for that which the samples show, if they show one.
     """
     if asked_s == 0.0:
         return samples
-    if asked_s is not None:
-        return _taken_back(samples, asked_s).noted(f"the voltage is taken {asked_s:.3g} s later, as was asked.")
-    lag = shown_lag(samples)
-    if lag is None:
-        return samples
-    return _taken_back(samples, lag.seconds).noted(
-        f"the voltage follows the current {lag.seconds:.2g} s late, which is taken back (--voltage-lag 0 keeps it): "
-        f"{100 * lag.explained:.0f} % of its changes within {lag.apart_s:.2g} s are then proportional to those of the "
-        f"current, in place of {100 * lag.without:.0f} %."
-    )
+    if asked_s is None:
+        shown = shown_lag(samples)
+        if shown is None:
+            return samples
+        lag_s, note = shown
+    else:
+        lag_s, note = asked_s, f"the voltage is taken {asked_s:.3g} s later, as was asked."
+    return replace(samples, voltage=np.interp(samples.time + lag_s, samples.time, samples.voltage)).noted(note)
 
 
-def _taken_back(samples: Samples, lag_s: float) -> Samples:
-    return replace(samples, voltage=np.interp(samples.time + lag_s, samples.time, samples.voltage))
+def shown_lag(samples: Samples) -> tuple[float, str] | None:
+    """The lag that a varying current shows, s, and what is to be said of it.
 
-
-def shown_lag(samples: Samples) -> Lag | None:
-    """The lag that a varying current shows; None where there is none, or the current hardly varies.
-
-    The ohmic part of a cell's voltage follows its current at once: with the right lag changes of the voltage are
-    nearly proportional to those of the current.
+    None where there is none, or the current hardly varies. The ohmic part of a cell's voltage follows its current at
+    once: with the right lag changes of the voltage are nearly proportional to those of the current.
     """
     interval = usual_interval(samples.time)
     time = samples.time[0] + interval * np.arange(min(_EVEN_SAMPLES, int(np.ptp(samples.time) / interval)))
@@ -80,7 +60,12 @@ def shown_lag(samples: Samples) -> Lag | None:
     best = int(np.argmax(explained))
     if best == 0 or 1.0 - explained[best] > _LEFT * (1.0 - explained[0]):
         return None
-    return Lag(float(_TRIED[best]) * interval, explained[0], explained[best], _APART * interval)
+    lag_s = float(_TRIED[best]) * interval
+    return lag_s, (
+        f"the voltage follows the current {lag_s:.2g} s late, which is taken back (--voltage-lag 0 keeps it): "
+        f"{100 * explained[best]:.0f} % of its changes within {_APART * interval:.2g} s are then proportional to those "
+        f"of the current, in place of {100 * explained[0]:.0f} %."
+    )
 
 
 def _differences(at: FloatArray, time: FloatArray, values: FloatArray) -> FloatArray:

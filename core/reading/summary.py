@@ -9,7 +9,7 @@ from scipy.constants import zero_Celsius
 
 from ..printable import rounded
 from ..record import Record
-from ..segmentation.recognised_protocol import late_s, with_switches
+from ..segmentation.recognised_protocol import late_s, voltage_limits, with_switches
 from ..trajectory import SECONDS_PER_HOUR, FloatArray, Step, StepKind, Trajectory
 from .charge import NOTED_SHARE
 from .counters import LATE_S
@@ -117,7 +117,7 @@ def summary(record: Record) -> RecordSummary:
         samples=len(trajectory),
         duration_s=trajectory.duration,
         interval_s=(float(spacing.min()), float(np.median(spacing)), float(spacing.max())),
-        voltage=(float(trajectory.voltage.min()), float(trajectory.voltage.max())),
+        voltage=voltage_limits(trajectory),
         current=(float(trajectory.current.min()), float(trajectory.current.max())),
         temperature_c=None if celsius is None else (float(celsius[0]), float(celsius.min()), float(celsius.max())),
         ambient_c=None if record.ambient_k is None else record.ambient_k - zero_Celsius,

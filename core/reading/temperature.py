@@ -45,10 +45,13 @@ def with_usable_temperature(samples: Samples) -> Samples:
             samples,
             f"shows {_words(median)}, which is no temperature of a cell in degC or in K (an open sensor reads so)",
         )
-    faulty = finite & (_impossible(temperature) | _glitches(samples.time, temperature))
+    impossible = (temperature < KELVIN[0]) | (temperature > KELVIN[1])
+    faulty = finite & (impossible | _glitches(samples.time, temperature))
     bad = ~finite | faulty
     if np.count_nonzero(bad) > _MISSING_SHARE * len(samples):
-        what = f"no temperature of a cell ({_first(samples, faulty)})" if faulty.any() else "no number"
+        k = int(np.argmax(faulty))
+        first = f"first {temperature[k] - zero_Celsius:.5g} degC in {samples.place(k)}"
+        what = f"no temperature of a cell ({first})" if faulty.any() else "no number"
         return _without(samples, f"has {what} in {np.count_nonzero(bad)} of {len(samples)} rows")
     return _interpolated(samples, temperature, ~finite, faulty)
 
@@ -78,19 +81,8 @@ def _interpolated(samples: Samples, temperature: FloatArray, missing: Mask, faul
     return replace(samples, temperature=filled)
 
 
-def _first(samples: Samples, faulty: Mask) -> str:
-    assert samples.temperature is not None
-    k = int(np.flatnonzero(faulty)[0])
-    return f"first {samples.temperature[k] - zero_Celsius:.5g} degC in {samples.place(k)}"
-
-
 def _is_possible(kelvin: float) -> bool:
     return KELVIN[0] <= kelvin <= KELVIN[1]
-
-
-def _impossible(kelvin: FloatArray) -> Mask:
-    with np.errstate(invalid="ignore"):
-        return np.asarray((kelvin < KELVIN[0]) | (kelvin > KELVIN[1]))
 
 
 def _glitches(time: FloatArray, kelvin: FloatArray) -> Mask:

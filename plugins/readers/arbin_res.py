@@ -1,6 +1,7 @@
 """Arbin ``.res`` files, which are Access databases, decoded by access-parser."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -75,10 +76,8 @@ def _arrays(table: Mapping[str, list[Any]]) -> dict[str, FloatArray]:
     """The columns of a table that hold numbers alone."""
     found = {}
     for name, cells in table.items():
-        try:
+        with suppress(TypeError, ValueError):
             found[name] = np.array(cells, dtype=np.float64)
-        except (TypeError, ValueError):
-            continue
     return found
 
 
