@@ -27,9 +27,7 @@ class Exchange:
     prompt: tuple[Turn, ...]  # What it was shown; empty for votes and reviews.
     text: str = ""  # What it answered, untrusted; empty for a lost call.
     lost: str = ""  # Why there was no answer, if there was none.
-    # model, structured_by: As in `Reply`.
-    model: str = ""
-    structured_by: str = ""
+    model: str = ""  # As in `Reply`.
     notes: tuple[str, ...] = ()  # What the backend did on the way.
     usage: Usage = field(default_factory=Usage)  # What it cost.
     made_by: Literal["model", "vote", "review"] = "model"  # Who the text is from.
@@ -49,7 +47,6 @@ def exchange_of(event: Mapping[str, Any]) -> Exchange:
         prompt,
         text=event["text"],
         model=event["model"],
-        structured_by=event["structured_by"],
         notes=tuple(event["notes"]),
         usage=Usage(**event["usage"]),
     )

@@ -4,7 +4,7 @@ import json
 import math
 import platform
 from collections.abc import Mapping
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
@@ -30,22 +30,13 @@ from ..core.shape import decoding, shaped
 from ..core.task import Task
 from ..core.validation import validated
 from ..plugins.pybamm.before_search.offered_effects import with_offered
-from .another_budget import (
-    budget_of,
-    check_budget,
-    given_anew,
-    nothing_added,
-    resuming_with,
-    write_budget,
-)
+from .another_budget import budget_of, check_budget, given_anew, nothing_added, resuming_with, write_budget
 from .misfit_notes import misfit_notes
 from .offered_notes import offered_notes
 from .reply_notes import reply_notes
 from .run_record import read_run
 
 RESULT = "result.json"
-
-_VERSIONED = ("battery-sim-agent", "pybamm", "numpy", "scipy")
 
 
 @dataclass(frozen=True)
@@ -60,11 +51,9 @@ class Resources:
 def versions() -> dict[str, str]:
     """What is installed, by distribution, and the Python version."""
     found = {"python": platform.python_version()}
-    for name in _VERSIONED:
-        try:
+    for name in ("battery-sim-agent", "pybamm", "numpy", "scipy"):
+        with suppress(PackageNotFoundError):
             found[name] = version(name)
-        except PackageNotFoundError:
-            continue
     return found
 
 
@@ -143,7 +132,9 @@ def execute_run(
 
 
 def _write_products(folder: Path, config: RunConfig, backend_name: str, plugins: RunPlugins, result: RunResult) -> None:
-    write_results(folder, config, backend_name, result)
+    """Write ``result.json``, ``best_parameters.json`` and what the simulator exports, each whole or not at all."""
+    write_json(folder / RESULT, summary(config, backend_name, result), indent=2)
+    write_json(folder / "best_parameters.json", dict(result.best.candidate), indent=2)
     for name, content in plugins.export(result.best.candidate).items():
         write_text(folder / name, content)
 
@@ -259,9 +250,3 @@ def _numbers(task: Task, metrics: Metrics | None) -> dict[str, float | None]:
     keys = ["objective", *(quantity.key for quantity in errors_of(task))]
     found = {key: math.nan if metrics is None else metrics.value(key) for key in keys}
     return {key: None if math.isnan(value) else value for key, value in found.items()}
-
-
-def write_results(folder: Path, config: RunConfig, backend_name: str, result: RunResult) -> None:
-    """Write ``result.json`` and ``best_parameters.json``, each whole or not at all."""
-    write_json(folder / RESULT, summary(config, backend_name, result), indent=2)
-    write_json(folder / "best_parameters.json", dict(result.best.candidate), indent=2)

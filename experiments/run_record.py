@@ -1,7 +1,7 @@
 """A run record: what a journal tells, in plain data that reports, campaigns and the command line share."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -272,15 +272,10 @@ def _notes(events: Iterable[Mapping[str, Any]]) -> list[str]:
     return list(dict.fromkeys(notes))
 
 
-def _status(events: Iterable[Mapping[str, Any]]) -> str:
+def _status(events: list[dict[str, Any]]) -> str:
     """The last word on how the run ended; taking it up again takes that word back."""
-    status = UNFINISHED
-    for event in events:
-        if event["event"] == "end":
-            status = str(event["status"])
-        elif event["event"] == "resumed":
-            status = UNFINISHED
-    return status
+    last = next((event for event in reversed(events) if event["event"] in ("end", "resumed")), {})
+    return str(last["status"]) if last.get("event") == "end" else UNFINISHED
 
 
 def _rounds(events: Iterable[Mapping[str, Any]], trials: tuple[Trial, ...]) -> tuple[Round, ...]:
@@ -294,35 +289,21 @@ def _rounds(events: Iterable[Mapping[str, Any]], trials: tuple[Trial, ...]) -> t
             phase, number = event["phase"], event["round"]
             mine = tuple(trial for trial in trials if (trial.phase, trial.round) == (phase, number))
             repeats = {trial.index: earlier.index for trial in mine if (earlier := repeated_by(trial, trials))}
-            rounds.append(_round(event, best, _changed_from(event, trials) or best, mine, repeats, tuple(exchanges)))
+            changed_from = event["details"].get(CHANGED_FROM)
+            rounds.append(
+                Round(
+                    **{name: event[name] for name in _PROPOSED},
+                    number=number,
+                    base=best,
+                    changed_from=next((trial for trial in trials if trial.index == changed_from), best),
+                    trials=mine,
+                    repeats=repeats,
+                    exchanges=tuple(exchanges),
+                )
+            )
             exchanges = []
             best = lowest((best, *mine))
     return tuple(rounds)
-
-
-def _changed_from(event: Mapping[str, Any], trials: Sequence[Trial]) -> Trial | None:
-    place = event["details"].get(CHANGED_FROM)
-    return next((trial for trial in trials if trial.index == place), None)
-
-
-def _round(
-    event: Mapping[str, Any],
-    base: Trial,
-    changed_from: Trial,
-    trials: tuple[Trial, ...],
-    repeats: Mapping[int, int],
-    exchanges: tuple[Exchange, ...],
-) -> Round:
-    told = {name: event[name] for name in _PROPOSED}
-    return Round(
-        **told,
-        number=event["round"],
-        base=base,
-        changed_from=changed_from,
-        trials=trials,
-        repeats=repeats,
-        exchanges=exchanges,
-    )
 
 
 _PROPOSED = ("phase", "hypothesis", "rationale", "action", "updates", "details", "lost", "finished")
