@@ -136,30 +136,25 @@ def discover_options(
     count, reads = len(records.sources), records.each_read()
     if records.joined:
         reads = [reads[0]] * count + reads[1:]
-    files: list[dict[str, Any]] = [
-        {"path": _written(one, number, folder)} if isinstance(one, Record) else {"path": one, **read.written}
-        for number, (one, read) in enumerate(zip((*records.sources, *records.held_out), reads, strict=True), 1)
-    ]
-    fitted = files[:count]
+    if not all(isinstance(one, Record) for one in reference):
+        reads += [reading_of_references(records.reads)] * len(reference)
+    files: list[dict[str, Any]] = []
+    notes: list[str] = []  # of records that were read already
+    for number, one in enumerate((*records.sources, *records.held_out, *reference), 1):
+        if isinstance(one, Record):
+            path = _written(one, number, folder)
+            files.append({"path": path})
+            notes += [f"{path.name}: {note}" for note in one.notes]
+        else:
+            files.append({"path": one, **reads[number - 1].written})
+    fitted, later = files[:count], files[count:]
     if records.joined:
         fitted = [{**fitted[0], "joined": [file["path"] for file in fitted[1:]]}]
-    earlier = [
-        {"path": _written(one, number, folder)}
-        if isinstance(one, Record)
-        else {"path": one, **reading_of_references(records.reads).written}
-        for number, one in enumerate(reference, len(files) + 1)
-    ]
-    content = {"data": fitted, "holdout": files[count:], "reference": earlier, "out": folder, **others}
+    held_out, earlier = later[: len(records.held_out)], later[len(records.held_out) :]
+    content = {"data": fitted, "holdout": held_out, "reference": earlier, "notes": notes, "out": folder, **others}
     content["parameters"] = _parameters_written(parameters, folder)
     if content.get("search") is None:
         content["search"] = "all" if records.lives else usual_search(content["parameters"], earlier)
-    everything = (*records.sources, *records.held_out, *reference)
-    content["notes"] = [
-        f"{file['path'].name}: {note}"
-        for source, file in zip(everything, [*files, *earlier], strict=True)
-        if isinstance(source, Record)
-        for note in source.notes
-    ]
     content |= {"life": records.lives, "fit_cycles": records.fit_cycles}
     if records.initial_soc:
         content["initial_soc"] = records.each_soc(len(fitted))
@@ -206,7 +201,7 @@ def _check_life(records: Records, others: Mapping[str, Any]) -> None:
 
 
 def _written(record: Record, number: int, folder: Path) -> Path:
-    """A record as a file, which a discovery that is resumed reads again."""
+    """A record as a file, which a discovery that is resumed reads again; it is never replaced by another record."""
     from ..plugins.readers.bdf import write
 
     place = _place_of_records(folder)
@@ -215,23 +210,15 @@ def _written(record: Record, number: int, folder: Path) -> Path:
         character if character.isalnum() or character in "-_" else "-" for character in Path(record.name).stem
     )
     path = place / f"{number}-{name[:60]}.csv"
-    if path.is_file() and (folder / FILE_NAME).is_file():
-        _check_same(record, path, folder)
-    else:
+    if not _is_resumed(path, folder):
         write(record, path)
-    return path
-
-
-def _check_same(record: Record, path: Path, folder: Path) -> None:
-    """Refuse to write another record in the place of one that an earlier discovery needs to be resumed."""
-    from ..plugins.readers.bdf import write
-
+        return path
     with TemporaryDirectory() as drafts:
         draft = Path(drafts) / path.name
         write(record, draft)
-        if filecmp.cmp(draft, path, shallow=False):
-            return
-    raise _belongs_to_another(folder, "records")
+        if not filecmp.cmp(draft, path, shallow=False):
+            raise _belongs_to_another(folder, "records")
+    return path
 
 
 def _parameters_written(parameters: ParameterSource, folder: Path) -> str:
@@ -239,8 +226,7 @@ def _parameters_written(parameters: ParameterSource, folder: Path) -> str:
     if isinstance(parameters, str):
         return parameters
     path = _place_of_records(folder) / "parameters.json"
-    is_resumed = path.is_file() and (folder / FILE_NAME).is_file()
-    if is_resumed and path.read_text(encoding="utf-8") != parameters.text:
+    if _is_resumed(path, folder) and path.read_text(encoding="utf-8") != parameters.text:
         raise _belongs_to_another(folder, "parameters")
     write_text(path, parameters.text)
     return str(path)
@@ -249,6 +235,11 @@ def _parameters_written(parameters: ParameterSource, folder: Path) -> str:
 def _place_of_records(folder: Path) -> Path:
     """Where what was read already is written, beside the folder of the discovery."""
     return folder.with_name(f"{folder.name}-records")
+
+
+def _is_resumed(path: Path, folder: Path) -> bool:
+    """Whether a discovery in the folder was begun with the file."""
+    return path.is_file() and (folder / FILE_NAME).is_file()
 
 
 def _belongs_to_another(folder: Path, of_other: str) -> BsaError:

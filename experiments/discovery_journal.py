@@ -21,9 +21,6 @@ from .tasks.parameter_source import found_cell, names_a_set
 KIND = "discovery"
 RESULT = "discovery.json"
 
-_OF_BASE = ("parameters", "search")
-"""What a journal has digests of, beside the files of `_digests`; by these names a refusal tells what has changed."""
-
 
 @contextmanager
 def opened(options: DiscoverOptions) -> Iterator[OpenJournal]:
@@ -44,7 +41,7 @@ def _begin(file: Journal, earlier: list[dict[str, Any]], asked: Mapping[str, Any
     first = earlier[0]
     began = {**_defaults(), **first.get("options", {})}
     # Earlier versions kept no digests of the base model, and the path of a search as it was given.
-    base = {name: asked[name] for name in _OF_BASE}
+    base = {name: asked[name] for name in ("parameters", "search")}
     known = {**base, **first, "options": {**began, "search": _absolute(began["search"])}}
     changed = [key for key, value in asked.items() if known.get(key) != value]
     if changed:
@@ -64,9 +61,7 @@ def _begin(file: Journal, earlier: list[dict[str, Any]], asked: Mapping[str, Any
 
 def _changed_files(journal: Path, before: Mapping[str, str], now: Mapping[str, str]) -> BsaError:
     """The refusal of files that are not what they were when the discovery began."""
-    changed = [
-        path for path in (*before, *(path for path in now if path not in before)) if before.get(path) != now.get(path)
-    ]
+    changed = [path for path in {**before, **now} if before.get(path) != now.get(path)]
     more = f" ({len(changed) - 1} more have changed)" * (len(changed) > 1)
     return BsaError(
         f"{shown(changed[0], 300)} is not what it was when the discovery in {journal.parent} began{more}.",
@@ -127,12 +122,13 @@ def _digests(options: DiscoverOptions) -> dict[str, str]:
 def _digests_of_base(options: DiscoverOptions) -> dict[str, str]:
     """Digests of the run that the base model comes from and of the file that says what is uncertain; else empty.
 
-    A run that went on may have found other values since, under the same path.
+    A run that went on may have found other values since, under the same path. By the names of the digests a refusal
+    tells what has changed.
     """
     base = found_cell(options.parameters)
     run = "" if base is None else hashlib.sha256(base.parameters.text.encode()).hexdigest()
     file = _search_file(options.search)
-    return dict(zip(_OF_BASE, (run, file_digest(file) if file else ""), strict=True))
+    return {"parameters": run, "search": file_digest(file) if file else ""}
 
 
 def _search_file(search: Any) -> Path | None:

@@ -75,13 +75,7 @@ class DiscoverySetup:
     mesh: RadialMesh  # How finely the particles are resolved.
     capacity_ah: float  # Charge of the cell between its cut-offs at rest, which C-rates count in, A.h.
     settings: Settings  # How hard the engine looks.
-    passed_over: tuple[str, ...] = ()  # Effects that cannot be used, and why.
-    taken_off: tuple[str, ...] = ()  # What references have taken off the records, in words.
-
-    @property
-    def notes(self) -> list[str]:
-        """What was assumed, repaired or settled."""
-        return [*self.case.notes, *([self.mesh.note] if self.mesh.note else []), *self.passed_over, *self.taken_off]
+    notes: tuple[str, ...]  # What was assumed, repaired or settled.
 
     def engine(
         self,
@@ -131,7 +125,7 @@ def set_up(
     """
     pybamm.set_logging_level("CRITICAL")
     cell = case.cell
-    passed_over: list[str] = []
+    passed_over: list[str] = []  # Effects that cannot be used, and why.
     # What is wrong with the options is said before anything else.
     catalogue = effects_of(options.effects, None, options.effect_options, passed_over.append)
     there = {effect.name for effect in effects_in(cell)}
@@ -146,10 +140,11 @@ def set_up(
     mesh = radial_mesh(cell, records, case.initial_soc) if known is None else known.mesh
     if journal is not None and known is None:
         journal.file.append(SETTLED, **Settled(spreads, mesh).event)
-    say_notes([mesh.note] * bool(mesh.note), listener)
+    of_mesh = [mesh.note] * bool(mesh.note)
+    say_notes(of_mesh, listener)
     space = _with_strengths(uncertain_parameters(case.measured_records, case.initial_soc, spreads), case)
     simulator = make_simulator(cell, space, mesh)
-    said: list[str] = []
+    said: list[str] = []  # What references have taken off the records.
     if earlier:
         as_measured, seen = seen, without_known(simulator, seen, earlier, space.at(np.zeros(len(space))))
         said = [
@@ -162,8 +157,8 @@ def set_up(
     capacity = equilibrium_capacity_ah(cell.parameter_set, cell.overrides)
     # What the base model lacks of references is taken off the records.
     settings = Settings(options.max_effects, options.seed, 0.0 if case.references else case.known_v)
-    notes = tuple(passed_over), tuple(said)
-    return DiscoverySetup(case, problem, space, catalogue, simulator, mesh, capacity, settings, *notes)
+    notes = (*case.notes, *of_mesh, *passed_over, *said)
+    return DiscoverySetup(case, problem, space, catalogue, simulator, mesh, capacity, settings, notes)
 
 
 def _taken_off(measured: Observations, left: Observations, references: Sequence[Observations]) -> str:
