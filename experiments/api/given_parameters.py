@@ -19,10 +19,7 @@ Parameters: TypeAlias = "str | Path | pybamm.ParameterValues"
 def given_parameters(given: Parameters) -> ParameterSource:
     """What the commands take for it: text, or PyBaMM's values as a parameter file.
 
-    Raises
-    ------
-    BsaError
-        If it is neither, or the values cannot be written as JSON, or are no whole set.
+    Raises `BsaError` if it is neither, or the values cannot be written as JSON, or are no whole set.
     """
     if isinstance(given, str | Path):
         return str(given)

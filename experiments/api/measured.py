@@ -118,10 +118,7 @@ def listed(data: Data | Sequence[Data] | None) -> list[Data]:
 def source(data: Data, options: ReadOptions, number: int) -> Path | Record:
     """What a task reads: a file, or a record.
 
-    Raises
-    ------
-    BsaError
-        If it is neither, or a record that is read already comes with options for reading.
+    Raises `BsaError` if it is neither, or a record that is read already comes with options for reading.
     """
     if isinstance(data, (str, Path)):
         return Path(data)
@@ -145,19 +142,13 @@ def records_of(
 ) -> Records:
     """Fitted and held-out data as records, of which ``reads`` says how they are read (`readings`).
 
-    ``how`` are further fields of `Records`.
-
-    Raises
-    ------
-    BsaError
-        If one is no data, or the options do not fit them.
+    ``how`` are further fields of `Records`. Raises `BsaError` if one is no data, or the options do not fit them.
     """
     fitted = listed(data)
     if data is not None and not fitted:
         raise BsaError("data is empty.", "give one record at least.")
     everything = [*fitted, *listed(holdout)]
-    each = one_each(reads, len(everything))
-    read = zip(everything, each, strict=True)
+    read = zip(everything, one_each(reads, len(everything)), strict=True)
     found = [source(one, how.options, number) for number, (one, how) in enumerate(read, 1)]
     socs = as_numbers(initial_soc, "--initial-soc")
     return Records(found[: len(fitted)], found[len(fitted) :], reads, socs, **how)
