@@ -19,7 +19,7 @@ from .option_groups import with_options
 
 if TYPE_CHECKING:
     from ...core.scaffold import Scaffold
-    from ..campaign.grid_file import BackendChoice, GridFile, SuiteFilter
+    from ..campaign.grid_file import GridFile, SuiteFilter
     from ..campaign.store import Store
     from ..campaign.summary import Row
 
@@ -91,11 +91,6 @@ class Study(shared.LanguageModel, Execution, Cases):
         """Its cases."""
         return self.filter(self.seed)
 
-    @property
-    def choice(self) -> BackendChoice:
-        """The language model of the methods that ask one."""
-        return _choice(self)
-
     def grid(self, name: str, scaffolds: Sequence[str | Scaffold], **more: Any) -> GridFile:
         """Every case by every method; ``more`` as in `study_grid`."""
         from ..studies.grids import study_grid
@@ -117,12 +112,6 @@ def _study(grid: GridFile, execution: Execution, out: Path | None, analyse: Anal
             analyse(rows, plan.store, plan.folder)
     print_outcome(plan, rows)
     finish(rows)
-
-
-def _choice(model: shared.LanguageModel) -> BackendChoice:
-    from ..campaign.grid_file import BackendChoice
-
-    return BackendChoice(use=model.backend or "rules", options=model.options())
 
 
 @bench_app.command("suite")
@@ -173,7 +162,7 @@ def runtime_command(
 
     name = f"regular-{case}" if case.isdigit() else case
     chosen = Cases(suite, name, published).filter(seed)
-    grid = study_grid("runtime", chosen, scaffolds.split(","), _choice(model), steps + 1, seed)
+    grid = study_grid("runtime", chosen, scaffolds.split(","), model.choice, steps + 1, seed)
     # One after the other: cells side by side would time each other.
     _study(grid, Execution(workers=1, store=store), out, write_runtime)
 

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from ...core.record import Record
     from ...core.spectrum import ImpedanceSpectrum
 
-EXPORTS = ("bdf",)
-
 _PICTURES = {".png": b"\x89PNG", ".svg": b"<?xml"}
 _RECORDS = {".csv": b"Test Time / s,", ".parquet": b"PAR1"}
 """Endings of the files that are written, and how each of these begins."""
@@ -73,7 +71,7 @@ def data(
 
 def _check_outputs(files: list[Path], join: bool, plot: Path | None, export: str | None, out: Path | None) -> None:
     """Refuse what cannot be done before anything is read."""
-    if export is not None and export not in EXPORTS:
+    if export not in (None, "bdf"):
         raise BsaError(f'there is no export "{shown(export)}".', "write --export bdf --out FILE.csv (or .parquet).")
     if (export is None) != (out is None):
         raise BsaError("--export and --out belong together.", "write --export bdf --out FILE.csv (or .parquet).")
@@ -109,12 +107,12 @@ def _check_output(option: str, path: Path, beginnings: Mapping[str, bytes], kind
         raise foreign(path, kind)
 
 
-def _parts(found: Record | ImpedanceSpectrum) -> Sequence[Record | ImpedanceSpectrum]:
-    """What a calibration would use of it: a record is cut where the charge is not known."""
+def _parts(found: Record | ImpedanceSpectrum) -> Sequence[Record]:
+    """What a calibration would use of a record: it is cut where the charge is not known."""
     from ...core.reading.parts import parts_between_gaps
     from ...core.record import Record
 
-    return parts_between_gaps(found) if isinstance(found, Record) else [found]
+    return parts_between_gaps(found) if isinstance(found, Record) else []
 
 
 def _export(found: Record | ImpedanceSpectrum, out: Path) -> None:
@@ -129,22 +127,19 @@ def _export(found: Record | ImpedanceSpectrum, out: Path) -> None:
     write(found, out)
 
 
-def _contents(
-    whole: Record | ImpedanceSpectrum, parts: Sequence[Record | ImpedanceSpectrum]
-) -> Iterator[dict[str, Any]]:
+def _contents(whole: Record | ImpedanceSpectrum, parts: Sequence[Record]) -> Iterator[dict[str, Any]]:
     """What is printed of one file as JSON, a part each."""
     from ...core.reading.summary import summary
     from ...core.record import Record
     from ..data.signs import positive_on_charge
     from ..data.words import size_of
 
-    if isinstance(whole, Record):
-        signed = {"kind": "record", "sign": "current is positive on charge", "whole": size_of(whole)}
-        for part in parts:
-            if isinstance(part, Record):
-                yield signed | asdict(positive_on_charge(summary(part)))
+    if not isinstance(whole, Record):
+        yield _spectrum_content(whole)
         return
-    yield _spectrum_content(whole)
+    signed = {"kind": "record", "sign": "current is positive on charge", "whole": size_of(whole)}
+    for part in parts:
+        yield signed | asdict(positive_on_charge(summary(part)))
 
 
 def _spectrum_content(found: ImpedanceSpectrum) -> dict[str, Any]:
@@ -163,14 +158,16 @@ def _spectrum_content(found: ImpedanceSpectrum) -> dict[str, Any]:
     }
 
 
-def _blocks(whole: Record | ImpedanceSpectrum, parts: Sequence[Record | ImpedanceSpectrum]) -> Iterator[str]:
+def _blocks(whole: Record | ImpedanceSpectrum, parts: Sequence[Record]) -> Iterator[str]:
     """What is printed of one file: how much of it is listed, if not all, and its parts."""
     from ...core.reading.summary import summary
     from ...core.record import Record
     from ..data.words import listed_share, record_lines, spectrum_lines, wrapped
 
-    share = listed_share(whole, parts)
-    if share:
+    if not isinstance(whole, Record):
+        yield "\n".join(spectrum_lines(whole))
+        return
+    if share := listed_share(whole, parts):
         yield "\n".join(wrapped(f"{whole.name}: {share}; a picture and an export hold all of it."))
     for part in parts:
-        yield "\n".join(record_lines(summary(part)) if isinstance(part, Record) else spectrum_lines(part))
+        yield "\n".join(record_lines(summary(part)))

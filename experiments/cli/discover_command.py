@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping, Sequence
+from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,7 @@ def discover_command(task: Task, data: Sequence[Path], holdout: Sequence[Path], 
     """
     spectra = {experiment.name for experiment in (*task.experiments, *task.held_out) if experiment.is_spectrum}
     over_time = [path.name not in spectra for path in (*data, *holdout)]
-    fitted, held_out = _kept(data, over_time), _kept(holdout, over_time[len(data) :])
+    fitted, held_out = list(compress(data, over_time)), list(compress(holdout, over_time[len(data) :]))
     if not fitted:
         return ""
     each = [True, *over_time[len(data) :]] if options.get("--join") else over_time
@@ -35,7 +36,7 @@ def _of_kept_records(value: Any, of_records: Sequence[Sequence[bool]]) -> Any:
     """Numbers that are said record by record, without those of spectra; anything else as it is."""
     if not isinstance(value, list) or not all(isinstance(one, float) for one in value):
         return value
-    return next((_kept(value, over) for over in of_records if len(over) == len(value)), value)
+    return next((list(compress(value, over)) for over in of_records if len(over) == len(value)), value)
 
 
 def _as_option(name: str, value: Any) -> list[str]:
@@ -44,7 +45,3 @@ def _as_option(name: str, value: Any) -> list[str]:
     # A temperature of 0 equals False.
     values = [one for one in (value if isinstance(value, list) else [value]) if one is not None and one is not False]
     return [word for one in values for word in (name, str(one))]
-
-
-def _kept(items: Sequence[Any], keep: Sequence[bool]) -> list[Any]:
-    return [item for item, kept in zip(items, keep, strict=False) if kept]

@@ -22,13 +22,9 @@ if TYPE_CHECKING:
 def note_line(text: str, command: str = "") -> str:
     """A note on one line, cut where it is long, but for a command of our own that it ends with: that can be pasted."""
     if command and text.endswith(command):
-        return f"note: {one_line(text.removesuffix(command), 400)} {_typed(command)}"
+        typed = strip_control(command).replace("\n", " ")  # a file's name keeps its spaces
+        return f"note: {one_line(text.removesuffix(command), 400)} {typed}"
     return f"note: {one_line(text, 400)}"
-
-
-def _typed(command: str) -> str:
-    """A command without what steers a terminal; a file's name keeps its spaces."""
-    return strip_control(command).replace("\n", " ")
 
 
 _SILENT_S = 15.0

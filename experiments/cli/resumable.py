@@ -14,26 +14,18 @@ def resumable(folder: Path, command: str) -> Iterator[None]:
 
     Its first event says only what was asked.
     """
-    written = _journal_size(folder)
+    path = folder / FILE_NAME
+    written = path.stat().st_size if path.is_file() else 0
     try:
         yield
     except BsaError as error:
-        if _journal_size(folder) <= max(written, _first_event_size(folder)):
+        if not path.is_file():
+            raise
+        with path.open("rb") as lines:
+            first_event = len(lines.readline())
+        if path.stat().st_size <= max(written, first_event):
             raise
         raise BsaError(error.message, f"{_sentence(error.hint)}Then go on with: {command}") from error
-
-
-def _journal_size(folder: Path) -> int:
-    path = folder / FILE_NAME
-    return path.stat().st_size if path.is_file() else 0
-
-
-def _first_event_size(folder: Path) -> int:
-    path = folder / FILE_NAME
-    if not path.is_file():
-        return 0
-    with path.open("rb") as lines:
-        return len(lines.readline())
 
 
 def _sentence(hint: str) -> str:

@@ -10,8 +10,6 @@ from ...core.reading.part_of_file import file_and_part
 from ...core.run.journal import FILE_NAME
 from .usage_errors import usage_refused
 
-RECORD_OPTIONS = ("--data", "--holdout", "--reference")
-
 
 class RecordsCommand(TyperCommand):
     """A command whose record options take all the files that follow."""
@@ -36,7 +34,7 @@ def one_option_a_file(arguments: Sequence[str]) -> list[str]:
             if awaits_value:
                 raise BsaError(f"{option} has no value.", "give one file at least behind it.")
             name, sign, _ = argument.partition("=")
-            option = name if name in RECORD_OPTIONS else ""
+            option = name if name in ("--data", "--holdout", "--reference") else ""
             awaits_value = bool(option) and not sign
         elif awaits_value:
             awaits_value = False

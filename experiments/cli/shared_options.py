@@ -15,6 +15,7 @@ from . import completion
 from .usage_errors import option_or_argument
 
 if TYPE_CHECKING:
+    from ..campaign.grid_file import BackendChoice
     from ..file_reading import FileReading
 
 # Options stand in these groups on the help page, in this order.
@@ -77,22 +78,6 @@ FitCycles = Annotated[
     model_option("--fit-cycles", min=1, metavar="N", help="Of a life fit the first N cycles; later ones are held out."),
 ]
 
-Via = Annotated[
-    str | None,
-    language_model_option(
-        metavar="ROUTE",
-        help="Route to a preset's model: litellm, openai, ollama, transformers or a plugin's.",
-        autocompletion=completion.routes,
-    ),
-]
-BaseUrl = Annotated[
-    str | None,
-    language_model_option(metavar="URL", help="OpenAI-compatible or Ollama server, http://127.0.0.1:8000/v1."),
-]
-BackendOption = Annotated[
-    list[str] | None,
-    language_model_option("--backend-option", metavar="KEY=VALUE", help="Option of the backend; repeat."),
-]
 MaxTokens = Annotated[
     int | None, language_model_option(min=0, metavar="N", help="Stop, resumably, after this many tokens.")
 ]
@@ -245,9 +230,29 @@ class LanguageModel:
             autocompletion=completion.backends,
         ),
     ] = None
-    via: Via = None
-    base_url: BaseUrl = None
-    backend_option: BackendOption = None
+    via: Annotated[
+        str | None,
+        language_model_option(
+            metavar="ROUTE",
+            help="Route to a preset's model: litellm, openai, ollama, transformers or a plugin's.",
+            autocompletion=completion.routes,
+        ),
+    ] = None
+    base_url: Annotated[
+        str | None,
+        language_model_option(metavar="URL", help="OpenAI-compatible or Ollama server, http://127.0.0.1:8000/v1."),
+    ] = None
+    backend_option: Annotated[
+        list[str] | None,
+        language_model_option("--backend-option", metavar="KEY=VALUE", help="Option of the backend; repeat."),
+    ] = None
+
+    @property
+    def choice(self) -> BackendChoice:
+        """The language model of a grid's methods that ask one."""
+        from ..campaign.grid_file import BackendChoice
+
+        return BackendChoice(use=self.backend or "rules", options=self.options())
 
     def options(self, **more: Any) -> dict[str, Any]:
         """How it is reached and asked, as it goes into a configuration: only what was set, ``more`` included."""
