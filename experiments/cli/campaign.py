@@ -177,7 +177,7 @@ def report(
 ) -> None:
     """Write one page on a grid or study: tables, figures, comparisons, and the rounds of every run."""
     if (Path(grid) / "journal.jsonl").is_file():
-        from ..report import build_report
+        from ..report.page import build_report
 
         given = {"--store": store != RESULTS, "--full": full, "--metric": metric != _METRIC}
         _check_of_run(grid, [name for name, is_given in given.items() if is_given])

@@ -14,13 +14,6 @@ from ...core.parameters import Parameter
 from ...core.trajectory import FloatArray
 from .wording import NOTHING, number, printed_unit, quantity, short_name
 
-BEYOND = "outside 0 to 1"
-"""Flag of a state of charge that the parameter set's cell, between its cut-offs at rest, does not have."""
-
-
-MOVED = "the interval excludes the value before"
-"""Flag of a parameter that the records have moved."""
-
 
 @dataclass(frozen=True)
 class BaseParameter:
@@ -43,7 +36,8 @@ def base_parameters(discovery: Discovery, problem: Problem | None = None) -> lis
     deviations = None if problem is None else _deviations(best, problem)
     half = np.full(len(best.fit.space), np.nan) if deviations is None else NORMAL_95 * deviations
     searched = [
-        _searched(parameter, float(u), float(width), [BEYOND] * (parameter.name in best.beyond_window))
+        # Of a state of charge that the parameter set's cell, between its cut-offs at rest, does not have.
+        _searched(parameter, float(u), float(width), ["outside 0 to 1"] * (parameter.name in best.beyond_window))
         for parameter, u, width in zip(best.fit.space, best.fit.u, half, strict=True)
         if parameter.name not in of_effects
     ]
@@ -75,12 +69,14 @@ def _searched(parameter: Parameter, u: float, half: float, flags: Sequence[str])
         before = f"{shown(parameter.origin)}, × or ÷ {number(exp(parameter.length), 3)}"
     else:
         before = f"{shown(parameter.origin)} ± {shown(parameter.length, 3)}"
+    at_bound = ["at a bound"] * bool(parameter.bound_at(value))
+    moved = ["the interval excludes the value before"] * bool(parameter.prior and abs(u) > half)
     return BaseParameter(
         short_name(parameter.name),
         f"{shown(value)} {unit}".rstrip(),
         " to ".join(ends) or NOTHING,
         before,
-        (*["at a bound"] * bool(parameter.bound_at(value)), *[MOVED] * bool(parameter.prior and abs(u) > half), *flags),
+        (*at_bound, *moved, *flags),
     )
 
 

@@ -1,7 +1,7 @@
 """``report.html`` of a discovery: where the model was wrong, what was added, and how the gap shrank."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,22 +27,17 @@ class _Figure:
 
     name: str
     chart: Chart
-    held_out: str = ""  # Of a record that was held out, that it was, and what of it was fitted all the same.
+    held_out: str  # Of a record that was held out, that it was, and what of it was fitted all the same; else empty.
 
 
 def render(discovery: RecordDiscovery, problem: Problem) -> str:
     """The page as HTML: no scripts, nothing loaded from elsewhere; the problem draws the curves again."""
-    figures = [*_fitted(discovery, problem), *_held_out(discovery, problem)]
-    content = discovery.to_json()
-    with_effect = bool(discovery.findings.best.effects)
-    page = template("record_discovery.html.j2")
-    base = base_parameters(discovery, problem)
-    return page.render(
-        d=content,
+    return template("record_discovery.html.j2").render(
+        d=discovery.to_json(),
         layouts=LAYOUTS,
-        figures=figures,
-        with_effect=with_effect,
-        base=base,
+        figures=[*_fitted(discovery, problem), *_held_out(discovery, problem)],
+        with_effect=bool(discovery.findings.best.effects),
+        base=base_parameters(discovery, problem),
         untried=untried_line(discovery),
     )
 
@@ -73,12 +68,14 @@ def _held_out(discovery: RecordDiscovery, problem: Problem) -> list[_Figure]:
         after = None if augmented is None else observed.voltage - augmented
         offset = current_offset(observed.measured_record)
         fitted = "its initial state of charge" + " and an offset of its current" * (offset is not None)
-        figure = _figure(f"held-out-{place}", observed, observed.voltage - base, after)
-        figures.append(replace(figure, held_out=f"Held out: no more than {fitted} was fitted to this record."))
+        remark = f"Held out: no more than {fitted} was fitted to this record."
+        figures.append(_figure(f"held-out-{place}", observed, observed.voltage - base, after, remark))
     return figures
 
 
-def _figure(name: str, observed: Observations, base: FloatArray, augmented: FloatArray | None) -> _Figure:
+def _figure(
+    name: str, observed: Observations, base: FloatArray, augmented: FloatArray | None, held_out: str = ""
+) -> _Figure:
     """The figure of a record, from the voltage of the base model and of that with the effect, V."""
     simulated = {"initial": base} | ({} if augmented is None else {"best": augmented})
     scale, unit = time_unit(float(observed.time[-1]))
@@ -102,4 +99,4 @@ def _figure(name: str, observed: Observations, base: FloatArray, augmented: Floa
     for style, values in simulated.items():
         voltage.draw(time, values, style)
         residual.draw(time, residuals[style], style)
-    return _Figure(observed.name, chart)
+    return _Figure(observed.name, chart, held_out)

@@ -125,7 +125,6 @@ def _row(quantity: Quantity, before: float | None, after: float | None) -> dict[
 def _parameter_row(parameter: Parameter, run: RunRecord) -> dict[str, Any]:
     """A line of the parameter table; ``start`` and ``place`` are shares of the range, on the parameter's own scale."""
     initial, best = run.initial.candidate[parameter.name], run.best.candidate[parameter.name]
-    place = parameter.to_unit(best)
     scale, shown_unit = printed_unit(parameter)
     return {
         "name": short_name(parameter.name),
@@ -136,7 +135,7 @@ def _parameter_row(parameter: Parameter, run: RunRecord) -> dict[str, Any]:
         "lower": number(scale * parameter.lower),
         "upper": number(scale * parameter.upper),
         "start": min(max(parameter.to_unit(initial), 0.0), 1.0),
-        "place": min(max(place, 0.0), 1.0),
+        "place": min(max(parameter.to_unit(best), 0.0), 1.0),
         "bound": parameter.bound_at(best),
     }
 

@@ -31,28 +31,26 @@ def best_score_line(task: Task, best: Trial, lowest: Trial, metrics: Metrics | N
         return ""
     objective = objective_of(task)
     theirs, lowest_misfit = (number(trial.misfit, 3) for trial in (best, lowest))
-    start = " (the starting point)" * (best.phase == "initial")
+    begin = f"These are the values of simulation {best.index}{' (the starting point)' * (best.phase == 'initial')}"
+    lowest_score = f"the lowest {objective.words}, {number(objective.shown(metrics))} {objective.unit}"
     if weighs_score(task, best):
-        return (
-            f"These are the values of simulation {best.index}{start}, which has the least product of misfit, {theirs} "
-            f"tolerances (rms), and {objective.words}: so far from the noise of the record each alone may be least "
-            f"where a step is cut short. Simulation {lowest.index} has the lowest {objective.words}, "
-            f"{number(objective.shown(metrics))} {objective.unit}, and a misfit of {lowest_misfit}. "
-            f"{tolerance_line(task)}"
+        why = (
+            f", which has the least product of misfit, {theirs} tolerances (rms), and {objective.words}: so far from "
+            f"the noise of the record each alone may be least where a step is cut short. Simulation {lowest.index} has "
+            f"{lowest_score}, and a misfit of {lowest_misfit}"
         )
-    if best.misfit > lowest.misfit:
-        return (
-            f"These are the values of simulation {best.index}{start}, the most probable ones: simulation "
-            f"{lowest.index} has the lowest {objective.words}, {number(objective.shown(metrics))} {objective.unit}, "
-            f"and a misfit of {lowest_misfit} in place of {theirs} tolerances (rms), but is farther from the priors of "
-            f"the search space. {tolerance_line(task)}"
+    elif best.misfit > lowest.misfit:
+        why = (
+            f", the most probable ones: simulation {lowest.index} has {lowest_score}, and a misfit of {lowest_misfit} "
+            f"in place of {theirs} tolerances (rms), but is farther from the priors of the search space"
         )
-    minimised = "means of the error over parts of each step" if task.given_drive else "errors within each step"
-    return (
-        f"These are the values of simulation {best.index}{start}: the fit minimises the {minimised}, which are "
-        f"{theirs} tolerances (rms) there and {lowest_misfit} in simulation {lowest.index}, which has the lowest "
-        f"{objective.words}, {number(objective.shown(metrics))} {objective.unit}. {tolerance_line(task)}"
-    )
+    else:
+        minimised = "means of the error over parts of each step" if task.given_drive else "errors within each step"
+        why = (
+            f": the fit minimises the {minimised}, which are {theirs} tolerances (rms) there and {lowest_misfit} in "
+            f"simulation {lowest.index}, which has {lowest_score}"
+        )
+    return f"{begin}{why}. {tolerance_line(task)}"
 
 
 def verdict_line(analysis: PostFitAnalysis, ended: bool = False) -> str:

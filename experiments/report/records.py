@@ -19,14 +19,9 @@ _DIGITS = 3
 _NAMED = 10
 """Cycles that are named one by one; of more the number is."""
 
-FITTED, HELD_OUT = "fitted", "held out"
 
 UNDETERMINED = "not determined"
 """What is told of a 95 % band that is wider than the range of the records, in place of its width."""
-
-
-EMPTY_APART = "in which the simulated cell was neither empty nor full"
-"""Of the time over which a band is, where the simulated cell reached a limit."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +63,7 @@ class ErrorRow:
             return f"{who}: not simulated: {self.remark}"
         part = f"; ± {self.misfit} from the misfit of the fitted records" if self.misfit else ""
         half = f"{self.band} {self.unit} (median{part})"
-        where = "" if self.followed else f" {EMPTY_APART}"
+        where = "" if self.followed else " in which the simulated cell was neither empty nor full"
         band = f"; 95 % band ± {half} holds {self.inside} of the {self.over}{where}" if self.band else ""
         band = f"; 95 % band {self.band}" if self.band == UNDETERMINED else band
         note = f"; {self.note}" if self.note else ""
@@ -80,11 +75,11 @@ class ErrorRow:
 
 def error_rows(task: Task, records: Sequence[RecordErrors], held_out: Sequence[Prediction] = ()) -> list[ErrorRow]:
     """A row for each compared signal of each record, those that were fitted first."""
-    rows = [row for errors in records for row in _rows(task, errors, FITTED, {})]
+    rows = [row for errors in records for row in _rows(task, errors, "fitted", {})]
     return rows + [
         replace(row, followed=not found.at_limit)
         for found in held_out
-        for row in _rows(task, found.errors, HELD_OUT, dict(found.bands))
+        for row in _rows(task, found.errors, "held out", dict(found.bands))
     ]
 
 

@@ -5,8 +5,6 @@ from ...core.target import OcpShape
 from ...core.task import Task
 from .wording import number
 
-PYBAMM = "pybamm"
-
 _SEEN_V = 1e-3
 """Less than a usual cycler shows is not told."""
 
@@ -16,7 +14,7 @@ def reduced_line(task: Task, candidate: Candidate, simulator: str) -> str:
 
     Only PyBaMM's does: another ``simulator`` may have no such potentials.
     """
-    if simulator != PYBAMM or not any(isinstance(parameter.target, OcpShape) for parameter in task.space):
+    if simulator != "pybamm" or not any(isinstance(parameter.target, OcpShape) for parameter in task.space):
         return ""
     from ...plugins.pybamm.cells.parameter_sets import as_simulated
 

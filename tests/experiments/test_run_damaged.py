@@ -13,7 +13,7 @@ from bsa.core.errors import BsaError
 from bsa.core.run.journal import FILE_NAME
 from bsa.core.run.run_config import RunConfig
 from bsa.core.scaffold import PluginChoice, load_scaffold
-from bsa.experiments.report import build_report
+from bsa.experiments.report.page import build_report
 from bsa.experiments.run import execute_run, read_request
 from bsa_toy_cell import toy_task
 from hypothesis import HealthCheck, given, settings

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from bsa.core.errors import BsaError
 from bsa.experiments.cli.main import main, run_main
-from bsa.experiments.report import build_report
+from bsa.experiments.report.page import build_report
 from bsa.experiments.run import read_request
 from bsa.experiments.tasks.find import find_task
 from bsa_oscillator import DAMPING, HIDDEN, MASS, OSCILLATOR, STIFFNESS
