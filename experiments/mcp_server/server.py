@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from functools import wraps
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, ParamSpec
+from typing import Annotated, Any
 
 import anyio.to_thread
 from mcp.server.mcpserver import Context, MCPServer
@@ -49,43 +48,17 @@ Values = Annotated[
 Out = Annotated[str | None, Field(description="New folder for the run; by default one under runs/.")]
 Resume = Annotated[str | None, Field(description="Go on with the stopped run in this folder; its options are its own.")]
 
-P = ParamSpec("P")
-
-_BACKEND = "rules"
-"""The backend that is asked: the assistant is a language model itself."""
-
-
-def told(tool: Callable[P, Awaitable[Json]]) -> Callable[P, Awaitable[Json]]:
-    """The tool with its `BsaError` as an error that the assistant reads: message and hint."""
-
-    @wraps(tool)
-    async def with_errors(*args: P.args, **kwargs: P.kwargs) -> Json:
-        try:
-            return await tool(*args, **kwargs)
-        except BsaError as error:
-            raise ToolError(redact(str(error))) from None
-
-    return with_errors
-
 
 class Tools:
-    """The tools of one server.
-
-    Parameters
-    ----------
-    folders : Folders
-        What they may read and write.
-    """
+    """The tools of one server, which may read and write what lies in its folders."""
 
     def __init__(self, folders: Folders) -> None:
         self._folders = folders
 
-    @told
     async def read_record(self, path: str, reading: Reading = Reading()) -> Json:  # noqa: B008
         """Read a cycler's file: its steps with durations, currents and voltages, and what was assumed or repaired."""
         return await anyio.to_thread.run_sync(functions.read_record, self._folders.file(path), reading.model_dump())
 
-    @told
     async def simulate(
         self,
         context: Context,
@@ -97,7 +70,6 @@ class Tools:
         """Simulate a record or task at given parameter values: errors, features by step and curves."""
         return await carried_out(context, functions.simulate, self._asked(data, values, cell, reading))
 
-    @told
     async def sensitivities(
         self,
         context: Context,
@@ -109,7 +81,6 @@ class Tools:
         """Find what a small step of each searched parameter changes about the match, around given values."""
         return await carried_out(context, functions.sensitivities, self._asked(data, values, cell, reading))
 
-    @told
     async def calibrate(
         self,
         context: Context,
@@ -136,7 +107,6 @@ class Tools:
         method = {"scaffold": scaffold, "simulations": simulations, "seed": seed}
         return await self._run(context, functions.calibrate, data, cell, reading, method, out, resume, simulations)
 
-    @told
     async def discover(
         self,
         context: Context,
@@ -162,7 +132,6 @@ class Tools:
         files = [data] if isinstance(data, str) else data
         return await self._run(context, functions.discover, files, cell, reading, method, out, resume, None)
 
-    @told
     async def report(self, folder: str) -> Json:
         """Read what came of an earlier calibration or discovery, from its folder."""
         return await anyio.to_thread.run_sync(functions.report, self._folders.inside(folder))
@@ -185,20 +154,21 @@ class Tools:
             options: Json = {"resume": folder, **({} if simulations is None else {"simulations": simulations})}
             simulations = simulations or simulations_of(folder)
             return await carried_out(context, function, {"options": options}, folder, simulations)
-        found = self._data(data)
+        found = self._data(data, cell, reading)
         options = {"data": found, **cell.given(self._folders), **method}
-        if isinstance(found, str):
-            _check_of_task(found, cell, reading)
-        else:
+        if not isinstance(found, str):
             options |= reading.model_dump()
         with self._new_folder(out, found) as folder:
             return await carried_out(context, function, {"options": {**options, "out": folder}}, folder, simulations)
 
     def _check_resumed(self, folder: Path) -> None:
-        """Refuse what asks a language model, or reads files outside the folders: others may have begun it."""
+        """Refuse what asks a language model, as the assistant is one, or reads files outside the folders.
+
+        Others may have begun it.
+        """
         config, paths = functions.begun_with(folder)
         asked = config.get("backend")
-        if asked not in (None, _BACKEND) or config.get("backend_options"):
+        if asked not in (None, "rules") or config.get("backend_options"):
             raise BsaError(
                 f'{shown(folder.name)} asks the backend "{shown(asked)}", which this server does not.',
                 "go on with it by bsa run --resume or bsa discover --resume.",
@@ -218,14 +188,18 @@ class Tools:
         return reserved_folder(self._folders.inside("runs"), data if isinstance(data, str) else named_after(data))
 
     def _asked(self, data: str | list[str], values: Mapping[str, float], cell: Cell, reading: Reading) -> Json:
-        found = self._data(data)
-        if isinstance(found, str):
-            _check_of_task(found, cell, reading)
-        said = {"data": found, "cell": cell.given(self._folders), "options": reading.model_dump()}
-        return {**said, "values": dict(values)}
+        return {
+            "data": self._data(data, cell, reading),
+            "cell": cell.given(self._folders),
+            "options": reading.model_dump(),
+            "values": dict(values),
+        }
 
-    def _data(self, data: str | list[str]) -> str | list[Path]:
-        """Files inside the folders, or the name of a task; a task file may name files elsewhere, and is not read."""
+    def _data(self, data: str | list[str], cell: Cell, reading: Reading) -> str | list[Path]:
+        """Files inside the folders, or the name of a task, beside which no cell and no reading is given.
+
+        A task file may name files elsewhere, and is not read.
+        """
         names = [data] if isinstance(data, str) else data
         if not all(names) or not names:
             raise BsaError("data is missing.", "give the path of a record; a stopped run goes on with `resume` alone.")
@@ -233,18 +207,14 @@ class Tools:
         if wrong:
             raise BsaError(f"{shown(wrong[0], 200)} is a task file.", "give its records and the cell instead.")
         if isinstance(data, str) and is_name(data) and not (self._folders.first / data).exists():
+            given = [name for said in (cell, reading) for name in said.model_dump(exclude_defaults=True)]
+            refuse_beside_task(sorted(given), data)
             return data
         return [self._folders.file(name) for name in names]
 
 
-def _check_of_task(task: str, cell: Cell, reading: Reading) -> None:
-    """Refuse what goes with records where a task was named, which has its own."""
-    given = [name for said in (cell, reading) for name in said.model_dump(exclude_defaults=True)]
-    refuse_beside_task(sorted(given), task)
-
-
 class Server(MCPServer[Any]):
-    """The SDK's server, which words what is wrong with arguments as everything else here does."""
+    """The SDK's server, whose errors an assistant reads: a `BsaError` with its hint, and wrong arguments as one."""
 
     async def call_tool(
         self, name: str, arguments: dict[str, Any], context: Context[Any, Any] | None = None
@@ -254,9 +224,12 @@ class Server(MCPServer[Any]):
         try:
             return await super().call_tool(name, arguments, context)
         except ToolError as error:
-            if not isinstance(error.__cause__, ValidationError):
-                raise
-            raise ToolError(redact(str(explain(error.__cause__, name, Arguments)))) from None
+            cause = error.__cause__
+            if isinstance(cause, BsaError):
+                raise ToolError(f"Error executing tool {name}: {redact(str(cause))}") from None
+            if isinstance(cause, ValidationError):
+                raise ToolError(redact(str(explain(cause, name, Arguments)))) from None
+            raise
 
     async def _check_names(self, name: str, arguments: Mapping[str, Any]) -> None:
         """Whether the tool has these arguments; the SDK passes over those that it has not."""

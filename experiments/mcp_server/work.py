@@ -35,23 +35,11 @@ async def carried_out(
     folder: Path | None = None,
     simulations: int | None = None,
 ) -> Json:
-    """What a function returns that is called in a process of its own.
+    """What a function of a module returns that is called in a process of its own, with arguments that can be pickled.
 
-    Parameters
-    ----------
-    context : Context
-        The request; it is told of the progress. When it is cancelled, the process is interrupted as by Ctrl-C.
-    function, arguments
-        What to call; a function of a module, and arguments that can be pickled.
-    folder : Path, optional
-        Folder of the run, whose journal tells the progress; without it, the seconds do.
-
-    Raises
-    ------
-    BsaError
-        What the function raised.
-    RuntimeError
-        If the process ended without an answer.
+    The request is told of the progress, by the journal in ``folder``, that of the run, or without it in seconds. When
+    it is cancelled, the process is interrupted as by Ctrl-C. Raises the `BsaError` that the function raised, and
+    `RuntimeError` if the process ended without an answer.
     """
     spawning = multiprocessing.get_context("spawn")
     receiver, sender = spawning.Pipe(duplex=False)

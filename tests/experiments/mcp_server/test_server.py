@@ -214,13 +214,16 @@ def ended(folder: Path) -> bool:
     ("cell", "reading", "given"),
     [({"model": "SPM"}, {}, "model goes"), ({}, {"temperature": 25.0}, "temperature goes"), ({}, {}, "")],
 )
-def test_a_task_has_its_own_cell_and_its_own_way_of_reading(cell: Any, reading: Any, given: str) -> None:
+def test_a_task_has_its_own_cell_and_its_own_way_of_reading(
+    tmp_path: Path, cell: Any, reading: Any, given: str
+) -> None:
+    tools = server.Tools(Folders([tmp_path]))
     asked = server.Cell.model_validate(cell), server.Reading.model_validate(reading)
     if not given:
-        server._check_of_task("demo", *asked)
+        assert tools._data("demo", *asked) == "demo"
         return
     with pytest.raises(BsaError, match=f'{given} with records, but "demo" is a task'):
-        server._check_of_task("demo", *asked)
+        tools._data("demo", *asked)
 
 
 @pytest.mark.slow
