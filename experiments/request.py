@@ -1,15 +1,16 @@
 """From what a person typed to what a run needs."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 from ..core.errors import BsaError
 from ..core.run.run_config import RunConfig
 from ..core.task import Task, Weight
 from .file_reading import FileReading
 from .run_names import numbered_folder
+from .run_settings import run_config
 from .task_request import CellChoice, Records, task_of_records
 
 
@@ -27,36 +28,36 @@ def run_request(
     records: Records,
     cell: CellChoice,
     scaffold: str | None,
-    configured: Callable[..., RunConfig],
+    backend: str,
+    backend_options: Mapping[str, Any],
+    settings: Mapping[str, Any],
     weight: str | None,
     out: Path | None,
 ) -> RunRequest:
     """What a run is asked: a task that was named, with the records that it is to hold out, or that of matching records.
 
-    ``scaffold`` is None where none is named; ``configured`` is `run_config` without it and without the simulator.
-    ``weight`` is how errors count; None leaves it to the task. ``out`` is None for a new folder under ``runs``.
-    Raises `BsaError` if any of it makes no sense.
+    ``scaffold`` is None where none is named; ``settings`` are as in `run_config`. ``weight`` is how errors count; None
+    leaves it to the task. ``out`` is None for a new folder under ``runs``. Raises `BsaError` if any of it makes no
+    sense.
     """
     from .tasks.records import holding_out
 
     if named is not None:
         _check_of_task(named, records, cell)
     simulator = "" if named is None else named.simulator
-    config = configured(scaffold or "hybrid", simulator=simulator)
+    config = run_config(scaffold or "hybrid", backend, backend_options, settings, simulator)
     task = task_of_records(records, cell) if named is None else holding_out(named, records.held_out_requests())
     if weight is not None:
         task = replace(task, weight=cast("Weight", weight))
-    if scaffold is None and _goes_in_stages(task, config.backend):
-        config = configured("staged", simulator=simulator)
+    # A language model needs a scaffold that asks it.
+    if scaffold is None and config.backend == "rules" and _goes_in_stages(task):
+        config = run_config("staged", backend, backend_options, settings, simulator)
     return RunRequest(task, config, out or numbered_folder(Path("runs"), f"{task.name}-{config.scaffold.name}"))
 
 
-def _goes_in_stages(task: Task, backend: str) -> bool:
-    """Whether the priors of a task are weighed where no scaffold is named: those of a fit to measured currents are.
-
-    A language model needs a scaffold that asks it.
-    """
-    return backend == "rules" and task.given_drive and not task.long and bool(task.space.prior_weights.any())
+def _goes_in_stages(task: Task) -> bool:
+    """Whether the priors of a task are weighed where no scaffold is named: those of a fit to measured currents are."""
+    return task.given_drive and not task.long and bool(task.space.prior_weights.any())
 
 
 def _check_of_task(named: Task, records: Records, cell: CellChoice) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
 
 from ..core.files import file_error, gone_if_empty
@@ -12,18 +13,8 @@ from ..core.spectrum import ImpedanceSpectrum
 def numbered_folder(parent: Path, name: str) -> Path:
     """A folder that does not exist yet: ``name-1``, ``name-2``, ..."""
     safe = "".join(character if character.isalnum() or character in "-_." else "-" for character in name)
-    number = 1
-    while (parent / f"{safe}-{number}").exists():
-        number += 1
-    return parent / f"{safe}-{number}"
-
-
-def _made(parent: Path, name: str) -> Path:
-    while True:
-        folder = numbered_folder(parent, name)
-        with suppress(FileExistsError):  # somebody else was quicker
-            folder.mkdir()
-            return folder
+    folders = (parent / f"{safe}-{number}" for number in count(1))
+    return next(folder for folder in folders if not folder.exists())
 
 
 @contextmanager
@@ -34,7 +25,11 @@ def reserved_folder(parent: Path, name: str) -> Iterator[Path]:
     """
     try:
         parent.mkdir(parents=True, exist_ok=True)
-        folder = _made(parent, name)
+        while True:
+            folder = numbered_folder(parent, name)
+            with suppress(FileExistsError):  # somebody else was quicker
+                folder.mkdir()
+                break
     except OSError as error:
         raise file_error(error, parent) from None
     with gone_if_empty((folder,)):

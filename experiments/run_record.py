@@ -274,7 +274,7 @@ def _notes(events: Iterable[Mapping[str, Any]]) -> list[str]:
 
 def _status(events: list[dict[str, Any]]) -> str:
     """The last word on how the run ended; taking it up again takes that word back."""
-    last = next((event for event in reversed(events) if event["event"] in ("end", "resumed")), {})
+    last: Mapping[str, Any] = next((event for event in reversed(events) if event["event"] in ("end", "resumed")), {})
     return str(last["status"]) if last.get("event") == "end" else UNFINISHED
 
 

@@ -94,11 +94,12 @@ def _put(content: dict[str, Any], path: Sequence[str], value: Any, key: str) -> 
 
 
 def _no_setting(key: str) -> BsaError:
-    first, dot, rest = shown(key).partition(".")
-    known = dict.fromkeys([*RunConfig.model_fields, *Scaffold.model_fields])
-    nearest = did_you_mean(first, [name for name in known if name != first])
+    given = shown(key)
+    first = given.partition(".")[0]
+    known = [name for name in (*RunConfig.model_fields, *Scaffold.model_fields) if name != first]
+    nearest = did_you_mean(first, known)
     return BsaError(
-        f'--set {first}{dot}{rest}: there is no setting "{first}{dot}{rest}".',
+        f'--set {given}: there is no setting "{given}".',
         f"{nearest} "
         * bool(nearest)
         + f"Settings of a run: {', '.join(RunConfig.model_fields)}; of its scaffold: offers, and simulator, "

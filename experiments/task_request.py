@@ -15,6 +15,7 @@ from .read_options import one_each
 from .run_names import named_after
 
 if TYPE_CHECKING:
+    from .run_record import RunRecord
     from .tasks.record_request import RecordRequest
 
 
@@ -70,32 +71,24 @@ class Records:
         Raises `BsaError` if there are several states of charge, but not one for each record, or one is not between 0
         and 1.
         """
-        from .tasks.record_request import RECOGNISED
+        from .tasks.record_request import RECOGNISED, RecordRequest
 
         sources = self._joined()
         socs = self.each_soc(len(sources))
         protocol = RECOGNISED if self.as_protocol else None
-        asked = self._asked(sources, self.each_read()[: len(sources)], socs, protocol=protocol)
+        asked = [
+            RecordRequest(source, read, initial_soc=soc, protocol=protocol)
+            for source, read, soc in zip(sources, self.each_read()[: len(sources)], socs, strict=True)
+        ]
         return [request.as_life(self.fit_cycles) for request in asked] if self.lives else asked
 
     def held_out_requests(self) -> list[RecordRequest]:
         """What is asked of each record that is held out."""
-        count = len(self.held_out)
-        return self._asked(self.held_out, self.each_read()[-count:] if count else [], [None] * count)
-
-    def _asked(
-        self,
-        sources: Sequence[Path | Record],
-        reads: Sequence[FileReading],
-        socs: Sequence[float | None],
-        **more: Any,
-    ) -> list[RecordRequest]:
         from .tasks.record_request import RecordRequest
 
-        return [
-            RecordRequest(source, read, initial_soc=soc, **more)
-            for source, read, soc in zip(sources, reads, socs, strict=True)
-        ]
+        reads = self.each_read()
+        own = reads[len(reads) - len(self.held_out) :]
+        return [RecordRequest(source, read) for source, read in zip(self.held_out, own, strict=True)]
 
     def _joined(self) -> Sequence[Path | Record]:
         if not self.joined:
@@ -119,10 +112,6 @@ class CellChoice:
     start_from: Path | None = None
     effects: Sequence[str] = ()  # Effects of the catalogue that the model has too; their parameters are searched.
 
-    def effects_beside(self, held: Sequence[str]) -> tuple[str, ...]:
-        """The effects of an earlier run and those that are named here, each once."""
-        return tuple(dict.fromkeys((*held, *self.effects)))
-
 
 def task_of_records(records: Records, cell: CellChoice) -> Task:
     """The task of matching records, those that are held out included.
@@ -143,35 +132,43 @@ def task_of_records(records: Records, cell: CellChoice) -> Task:
 
     requests, held_out = records.requests(), records.held_out_requests()
     name = named_after([request.source for request in requests])
-    asked: dict[str, Any] = {
-        "search": cell.search or ("life" if records.lives else "cell"),
-        "scale_to_capacity": cell.scale,
-        "ocp": cell.ocp,
-    }
+    run: RunRecord | None = None
+    overrides: Mapping[str, float] = {}
+    left_out = ""
     if cell.start_from is not None:
         if cell.parameters is not None:
             raise BsaError(
                 f'both a run to start from and the parameter set "{cell.parameters}" were given.', "give one of them."
             )
         run = read_finished(cell.start_from)
-        base, overrides = start_from(run, cell.search)
+        source, overrides = start_from(run, cell.search)
         begun = run.task.cell
-        model, options = cell.model or begun.model, {**begun.options, **cell.options}
+        model, options, held = cell.model or begun.model, {**begun.options, **cell.options}, begun.effects
         strengths = begun.strengths if cell.search is None else strengths_of(run, cell.effects)
-        effects = cell.effects_beside(begun.effects)
-        wanted = CellRequest(base, model, options, overrides, effects=effects, strengths=strengths, **asked)
-        task = build_task(name, wanted, requests, held_out)
-        return task if cell.search is not None else with_its_space(task, run, bool(records.initial_soc))
-    if cell.parameters is None:
+    elif cell.parameters is not None:
+        found = found_cell(cell.parameters, cell.effects)
+        source = parameter_source(cell.parameters) if found is None else found.parameters
+        model, options = cell.model or "DFN", dict(cell.options)
+        held, strengths = ((), {}) if found is None else (found.effects, found.strengths)
+        left_out = starts_left_out(cell.parameters, source)
+    else:
         raise BsaError(
             "a record needs a parameter set to start from.",
             "add --parameters Chen2020 (NMC811), Marquis2019 or Ai2020 (LCO), Prada2013 (LFP), Ecker2015 (NMC), or "
             "nearest with a discharge at 1C or slower; bsa list parameters shows all sets.",
         )
-    found = found_cell(cell.parameters, cell.effects)
-    source = parameter_source(cell.parameters) if found is None else found.parameters
-    held, strengths = ((), {}) if found is None else (found.effects, found.strengths)
-    effects = cell.effects_beside(held)
-    wanted = CellRequest(source, cell.model or "DFN", cell.options, effects=effects, strengths=strengths, **asked)
-    task, left_out = build_task(name, wanted, requests, held_out), starts_left_out(cell.parameters, source)
+    wanted = CellRequest(
+        source,
+        model,
+        options,
+        overrides,
+        search=cell.search or ("life" if records.lives else "cell"),
+        scale_to_capacity=cell.scale,
+        ocp=cell.ocp,
+        effects=tuple(dict.fromkeys((*held, *cell.effects))),
+        strengths=strengths,
+    )
+    task = build_task(name, wanted, requests, held_out)
+    if run is not None and cell.search is None:
+        return with_its_space(task, run, bool(records.initial_soc))
     return replace(task, notes=(*task.notes, left_out)) if left_out else task

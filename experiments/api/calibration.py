@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from ...core.task import Task
 from ..checked_options import as_mapping, as_names, simulation_workers
 from ..read_options import readings
 from ..request import RunRequest, run_request
-from ..run_settings import backend_options, given_budgets, run_config
+from ..run_settings import backend_options, given_budgets
 from ..task_request import CellChoice
 from .calibration_result import CalibrationResult
 from .given_parameters import Parameters, given_parameters
@@ -179,7 +178,6 @@ def calibrate(
     else:
         if out is not None:
             check_run_folder(Path(out))
-        named = _names_a_task(data)
         reads = readings(
             column,
             unit,
@@ -194,7 +192,6 @@ def calibrate(
             reader_option,
             temperature,
         )
-        given: Any = None if named else data
         budgets = given_budgets(rounds=rounds, warm_up=warmup, simulations=simulations, seed=seed)
         reached = backend_options(
             as_mapping(backend_option, "--backend-option"),
@@ -204,8 +201,10 @@ def calibrate(
             votes=votes if votes > 1 else None,
             review=review or None,
         )
+        named = _task_named(data)
+        given: Any = data if named is None else None
         asked = run_request(
-            _task_named(data) if named else None,
+            named,
             records_of(given, holdout, reads, initial_soc, as_protocol=as_protocol, life=life, fit_cycles=fit_cycles),
             CellChoice(
                 None if parameters is None else given_parameters(parameters),
@@ -218,33 +217,27 @@ def calibrate(
                 as_names(effect, "--effect"),
             ),
             scaffold,
-            partial(
-                run_config,
-                backend=backend,
-                backend_options=reached,
-                settings=budgets | dict(as_mapping(settings, "--set")),
-            ),
+            backend,
+            reached,
+            budgets | dict(as_mapping(settings, "--set")),
             weight,
             None if out is None else Path(out),
         )
     return _carried_out(asked, workers, max_tokens, max_cost, identifiability, progress, resume is not None)
 
 
-def _names_a_task(data: Any) -> bool:
-    """Whether it is a task, or the name of one, and no records."""
+def _task_named(data: Any) -> Task | None:
+    """The task that is given, or has that name; the demonstration where nothing is given, None where records are."""
+    from ..tasks.find import find_task
     from ..tasks.task_file import is_task_file
 
     if isinstance(data, (str, Path)):
         path, _ = file_and_part(data)
-        return is_task_file(path) or (not path.suffix and not path.exists())
-    return data is None or isinstance(data, Task)
-
-
-def _task_named(data: Any) -> Task:
-    """The task that is given, or has that name; the demonstration where none is given."""
-    from ..tasks.find import find_task
-
-    return data if isinstance(data, Task) else find_task("demo" if data is None else str(data))
+        is_named = is_task_file(path) or (not path.suffix and not path.exists())
+        return find_task(str(data)) if is_named else None
+    if data is None:
+        return find_task("demo")
+    return data if isinstance(data, Task) else None
 
 
 def _carried_out(

@@ -6,7 +6,6 @@ import json
 import shlex
 import sys
 from collections.abc import Iterable, Iterator
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -27,8 +26,6 @@ if TYPE_CHECKING:
     from ...core.run.run_config import RunConfig
     from ...core.task import Task
     from ..request import RunRequest
-
-DEMO = "demo"
 
 
 @with_options(shared.Reading)
@@ -174,7 +171,7 @@ def run(
     from ..checked_options import simulation_workers
     from ..request import RunRequest, run_request
     from ..run import Resources, discovery_command_of, read_request
-    from ..run_settings import given_budgets, key_values, run_config
+    from ..run_settings import given_budgets, key_values
     from ..task_request import CellChoice, Records
     from ..tasks.find import find_task
 
@@ -194,7 +191,7 @@ def run(
     budgets = given_budgets(rounds=rounds, warm_up=warmup, simulations=simulations, seed=seed)
     reached = language_model.options(exchange=exchange, votes=votes if votes > 1 else None, review=review or None)
     request = run_request(
-        None if data else find_task(task or DEMO),
+        None if data else find_task(task or "demo"),
         Records(
             data or (),
             holdout or (),
@@ -206,12 +203,9 @@ def run(
         ),
         CellChoice(parameters, model, key_values(options, "--options"), search, ocp, scale, start_from, effect or ()),
         scaffold,
-        partial(
-            run_config,
-            backend=language_model.backend or "",
-            backend_options=reached,
-            settings=budgets | key_values(settings, "--set"),
-        ),
+        language_model.backend or "",
+        reached,
+        budgets | key_values(settings, "--set"),
         weight,
         out,
     )

@@ -1,7 +1,6 @@
 """Which scaffold a run has where none is named."""
 
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,6 @@ from bsa.core.parameters import ParameterSpace
 from bsa.core.task import Task
 from bsa.experiments.file_reading import FileReading
 from bsa.experiments.request import run_request
-from bsa.experiments.run_settings import run_config
 from bsa.experiments.task_request import CellChoice, Records
 from bsa.testing.sample_task import sample_task
 
@@ -28,8 +26,8 @@ def measured(known: bool = True) -> Task:
 
 
 def scaffold_of(task: Task, scaffold: str | None = None, backend: str = "rules", **settings: Any) -> str:
-    configured = partial(run_config, backend=backend, backend_options={}, settings=settings)
-    return run_request(task, NOTHING, AS_IT_IS, scaffold, configured, None, Path("out")).config.scaffold.name
+    asked = run_request(task, NOTHING, AS_IT_IS, scaffold, backend, {}, settings, None, Path("out"))
+    return asked.config.scaffold.name
 
 
 def test_priors_of_a_fit_to_a_measured_current_are_weighed() -> None:
