@@ -10,7 +10,7 @@ from ..core.contracts.registry import installed
 from ..core.errors import BsaError
 from ..core.files import write_json, write_text
 from ..core.hooks import RunContext
-from ..core.inference.prediction import Prediction, predict
+from ..core.inference.prediction import predict
 from ..core.run.later_simulations import NOT_FITTED, WatchedSimulations
 from ..core.run.listener import SILENT, Listener
 from ..core.run.run_plugins import RunPlugins
@@ -25,7 +25,6 @@ from .tasks.records import holding_out
 
 RESULT, PAGE = "prediction.json", "prediction.html"
 
-
 _FITTED = "the run's report has its errors, and so have result.json and .record_errors of the result."
 
 
@@ -33,8 +32,7 @@ _FITTED = "the run's report has its errors, and so have result.json and .record_
 class ScoredRecords:
     """Records that a run did not fit, as its best candidate predicts them."""
 
-    run: RunRecord  # The run; its task holds out these records in place of those that it held out itself.
-    predictions: tuple[Prediction, ...]  # In the order of the records.
+    run: RunRecord  # The run; it holds out these records in place of those that it held out itself.
     notes: tuple[str, ...] = ()  # What was assumed or repaired of these records, and what is worth noticing.
 
     def to_json(self) -> dict[str, Any]:
@@ -44,7 +42,7 @@ class ScoredRecords:
             "task": self.run.task.name,
             "trial": self.run.best.index,
             "parameters": dict(self.run.best.candidate),
-            "records": [{"fitted": False, **prediction.as_json()} for prediction in self.predictions],
+            "records": [{"fitted": False, **prediction.as_json()} for prediction in self.run.held_out],
             "notes": list(self.notes),
         }
 
@@ -57,10 +55,14 @@ def predicted(
     The folder is one of the run's own where ``out`` is None. Raises `BsaError` as `predict_records`, and before
     anything is simulated if the folder cannot be used.
     """
+    from .report.page import render_prediction
+
     place = out or numbered_folder(run / "predictions", named_after(records.sources))
     with new_folder(place) as folder:
         scored = predict_records(run, records.requests(), workers, listener, band)
-        return scored, write_scores(scored, folder)
+        write_json(folder / RESULT, scored.to_json(), indent=2)
+        write_text(folder / PAGE, render_prediction(scored.run))
+    return scored, place / PAGE
 
 
 def predict_records(
@@ -72,11 +74,9 @@ def predict_records(
 ) -> ScoredRecords:
     """Simulate records and impedance spectra with the best candidate of a run.
 
-    ``band`` is whether what the fitted parameters leave open is simulated too.
-
-    A spectrum is that of the cell at the state of charge at which the fitted cell shows its voltage, if its request
-    names none. Raises `BsaError` if the folder holds no run, no simulation of it succeeded, or a record cannot be read
-    or was fitted.
+    ``band`` is whether what the fitted parameters leave open is simulated too. A spectrum is that of the cell at the
+    state of charge at which the fitted cell shows its voltage, if its request names none. Raises `BsaError` if the
+    folder holds no run, no simulation of it succeeded, or a record cannot be read or was fitted.
     """
     run = read_run(folder)
     if not run.best.ok:
@@ -94,19 +94,10 @@ def predict_records(
         found = predict(task, run.best.candidate, task.held_out, watched, draws, misfits(run.records))
     finally:
         plugins.close()
-    return ScoredRecords(replace(run, task=task, held_out=found), found, task.notes[len(notes) :])
+    return ScoredRecords(replace(run, task=task, held_out=found), task.notes[len(notes) :])
 
 
 def _of_one(note: str, held_out: Sequence[Experiment]) -> bool:
     """Whether a note is of one of the records that were held out; of a life the held-out part has more of a name."""
     name, mark, _ = note.partition(" (held out): ")
     return bool(mark) and any(experiment.name.startswith(name) for experiment in held_out)
-
-
-def write_scores(scored: ScoredRecords, out: Path) -> Path:
-    """Write ``prediction.json`` and ``prediction.html``; the path of the page."""
-    from .report.page import render_prediction
-
-    write_json(out / RESULT, scored.to_json(), indent=2)
-    write_text(out / PAGE, render_prediction(scored.run))
-    return out / PAGE

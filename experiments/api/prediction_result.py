@@ -31,7 +31,7 @@ class PredictionResult:
         """By record and signal: ``unit``, ``rms``, ``max`` and ``rms_99``, the last over 99 % of the time."""
         return {
             one.errors.record: {name: asdict(error) for name, error in one.errors.signals.items()}
-            for one in self._scored.predictions
+            for one in self._scored.run.held_out
         }
 
     @property
@@ -39,7 +39,7 @@ class PredictionResult:
         """By record and signal: half the width of the 95 % band, ``rms`` and ``max``, and the share ``inside`` it."""
         return {
             one.errors.record: {name: asdict(band) for name, band in one.bands.items()}
-            for one in self._scored.predictions
+            for one in self._scored.run.held_out
         }
 
     @property
@@ -50,7 +50,7 @@ class PredictionResult:
     @property
     def spectra(self) -> dict[str, dict[str, Any]]:
         """By impedance spectrum: ohmic resistance and arcs, measured and simulated, and the error, in mohm."""
-        predicted = [one.errors for one in self._scored.predictions]
+        predicted = [one.errors for one in self._scored.run.held_out]
         return {errors.record: asdict(errors.impedance) for errors in predicted if errors.impedance is not None}
 
     def to_json(self) -> dict[str, Any]:
@@ -58,17 +58,17 @@ class PredictionResult:
         return self._scored.to_json()
 
     def __repr__(self) -> str:
-        rows = error_rows(self._scored.run.task, (), self._scored.predictions)
+        rows = error_rows(self._scored.run.task, (), self._scored.run.held_out)
         return f"<PredictionResult {'; '.join([*(row.line for row in rows), *self.notes])}; {self.report}>"
 
     def _repr_html_(self) -> str:
         task = self._scored.run.task
         return render(
             "prediction.html.j2",
-            rows=error_rows(task, self._scored.run.records, self._scored.predictions),
+            rows=error_rows(task, self._scored.run.records, self._scored.run.held_out),
             pictures=[
                 (overlay.name, as_picture(overlay.chart))
-                for overlay in prediction_overlays(task, self._scored.predictions)
+                for overlay in prediction_overlays(task, self._scored.run.held_out)
             ],
             report=self.report,
         )

@@ -53,6 +53,6 @@ def predict(
     if scored.run.analysis is None and len(scored.run.trials) > 1:
         find_out = f"to find out: bsa-run --resume {shlex.quote(str(run))}"
         print(f"note: no 95 % band: the run has not looked for what its record fixes; {find_out}", file=sys.stderr)
-    for row in error_rows(scored.run.task, scored.run.records, scored.predictions):
+    for row in error_rows(scored.run.task, scored.run.records, scored.run.held_out):
         print(f"  {one_line(row.line, 600)}")
     print(f"  report: {page}")
