@@ -4,8 +4,6 @@ import json
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 
-import numpy as np
-
 from ..core.contracts.requests import Prediction, Simulator
 from ..core.discovery.closure import fit_closure
 from ..core.discovery.discovery import Discovery
@@ -19,6 +17,7 @@ from ..core.files import write_text
 from ..core.inference.problem import Problem
 from ..core.messages import Backend, Outage
 from ..core.parameters import ParameterSpace
+from ..core.rms import rms
 from ..core.run.journal import OpenJournal, spent_s
 from ..core.run.recorded import RecordedSimulator
 from ..core.run.recording import Recorder
@@ -174,7 +173,7 @@ def discover_on(
     if findings.verdict == "unexplained":
         discovery.closure = fit_closure(problem.observations, before, setup.capacity_ah)
     errors = problem.temperature_errors(predictions)
-    discovery.temperature_rms_k = {name: float(np.sqrt(np.mean(error**2))) for name, error in errors.items()}
+    discovery.temperature_rms_k = {name: rms(error) for name, error in errors.items()}
     discovery.script = augmented_script(
         case.cell, best.effects, best.fit.candidate, setup.space.targets, case.measured_records, setup.mesh.fine
     )

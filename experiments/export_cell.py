@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ..core.printable import rounded
+from ..core.rms import rms
 from ..core.target import CellChange
 from ..core.task import CellModel, Experiment
 from .tasks.parameter_source import read_finished
@@ -92,4 +93,4 @@ def difference_on(
     first, second = (np.interp(time, curve.time, curve.voltage) for curve in curves if curve)
     off = 1e3 * np.abs(first - second)
     worst = int(np.argmax(off))
-    return Difference(float(off[worst]), float(np.sqrt(np.mean(off**2))), float(time[worst]), float(time[-1]))
+    return Difference(float(off[worst]), rms(off), float(time[worst]), float(time[-1]))

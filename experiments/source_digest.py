@@ -18,11 +18,10 @@ def package_digest(*patterns: str) -> str:
 
 def source_digest(places: Iterable[Path]) -> str:
     """A hash of the source files at these places, by their names below them; empty where there is none."""
-    digest, any_found = hashlib.sha256(), False
-    for place in places:
-        for path in sorted(place.rglob("*")) if place.is_dir() else [place]:
-            if path.suffix in _SOURCES and path.is_file():
-                any_found = True
-                name = path.relative_to(place.parent).as_posix()
-                digest.update(name.encode() + b"\0" + path.read_bytes() + b"\0")
-    return digest.hexdigest()[:16] if any_found else ""
+    found = [
+        path.relative_to(place.parent).as_posix().encode() + b"\0" + path.read_bytes() + b"\0"
+        for place in places
+        for path in (sorted(place.rglob("*")) if place.is_dir() else [place])
+        if path.suffix in _SOURCES and path.is_file()
+    ]
+    return hashlib.sha256(b"".join(found)).hexdigest()[:16] if found else ""

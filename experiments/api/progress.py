@@ -15,20 +15,10 @@ from ...core.trial import Phase, Trial
 
 
 class Bar:
-    """A bar of ``tqdm.auto``, a widget where the notebook has widgets.
-
-    Parameters
-    ----------
-    total : int or None
-        What it counts to; None where nobody knows.
-    unit : str
-        What it counts.
-    visible : bool
-        Whether it is shown.
-    """
+    """A bar of ``tqdm.auto``, a widget where the notebook has widgets; ``total`` is None where nobody knows it."""
 
     def __init__(self, total: int | None, unit: str, visible: bool) -> None:
-        self._total, self._unit_counted, self._visible = total, unit, visible
+        self._total, self._counted, self._visible = total, f" {unit}", visible
 
     @cached_property
     def _bar(self) -> Any:
@@ -37,8 +27,7 @@ class Bar:
             from tqdm.auto import tqdm
         else:
             from tqdm.std import tqdm  # the widget would be made even if it is not shown
-        counted = f" {self._unit_counted}"
-        return tqdm(total=self._total, unit=counted, disable=not self._visible, dynamic_ncols=True)
+        return tqdm(total=self._total, unit=self._counted, disable=not self._visible, dynamic_ncols=True)
 
     def __enter__(self) -> Any:
         return self
@@ -76,7 +65,7 @@ class CalibrationBar(Bar, Listener):
 
     def cycled(self, cycle: int, cycles: int) -> None:
         """See `Listener.cycled`."""
-        self._bar.set_description_str(", ".join(part for part in (self._stage, f"cycle {cycle} of {cycles}") if part))
+        self._bar.set_description_str(f"{self._stage}, cycle {cycle} of {cycles}")
 
     def _describe(self, stage: str) -> None:
         self._stage = stage

@@ -9,17 +9,9 @@ from ...core.reading.part_of_file import file_and_part
 
 
 class Folders:
-    """The folders that the tools may read and write.
+    """The folders that the tools may read and write, at least one; relative paths are meant in the first.
 
-    Parameters
-    ----------
-    folders : sequence of Path
-        At least one; relative paths are meant in the first.
-
-    Raises
-    ------
-    BsaError
-        If one is not there.
+    Raises `BsaError` if one is not there.
     """
 
     def __init__(self, folders: Sequence[Path]) -> None:
@@ -28,11 +20,7 @@ class Folders:
             what = f"there is no folder {shown(missing[0], 200)}." if missing else "no folder is given."
             raise BsaError(what, "bsa mcp --folder DIR names a folder that is there.")
         self._roots = [folder.resolve() for folder in folders]
-
-    @property
-    def first(self) -> Path:
-        """Where relative paths begin and runs go."""
-        return self._roots[0]
+        self.first = self._roots[0]  # Where relative paths begin and runs go.
 
     def inside(self, name: str) -> Path:
         """The path of a file or folder that an assistant names.
@@ -40,7 +28,7 @@ class Folders:
         Raises `BsaError` if it leads out of the folders, goes through ``..``, or a link stands on its way or, for a
         folder, in it.
         """
-        path = self.first / name if "\0" not in name else Path()
+        path = self.first / name
         root = next((root for root in self._roots if path.is_relative_to(root)), None)
         if "\0" in name or ".." in path.parts or root is None:
             raise self._refused(name, "lies outside the folders of this server")

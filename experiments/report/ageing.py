@@ -54,9 +54,16 @@ def lives(run: RunRecord) -> list[Life]:
     forecasts = {one.errors.record: one for one in run.held_out if one.curve is not None}
     found = []
     for place, experiment in enumerate(run.task.experiments):
+        initial = _table(run.initial, place)
         later = next((e for e in run.task.held_out if _cell(e) == _cell(experiment) and e.name in forecasts), None)
-        forecast = None if later is None else forecasts.pop(later.name)
-        found.append(_life(f"life-{place}", experiment, _fitted(run, place, later, forecast)))
+        if later is not None:
+            simulated = _forecast(forecasts.pop(later.name), initial, later.target.cycle_table)
+        else:
+            # Where nothing is better than the start, one curve is drawn, as the initial one.
+            best = None if run.best is run.initial else _table(run.best, place)
+            fades = () if run.analysis is None else run.analysis.fade
+            simulated = _Simulated(best, initial, fades[place] if place < len(fades) else None)
+        found.append(_life(f"life-{place}", experiment, simulated))
     others = [experiment for experiment in run.task.held_out if experiment.name in forecasts]
     return found + [
         _life(f"life-held-out-{place}", experiment, _forecast(forecasts[experiment.name], None, None))
@@ -67,15 +74,6 @@ def lives(run: RunRecord) -> list[Life]:
 def _cell(experiment: Experiment) -> str:
     """What records of one life have in common, in whose names their cycles follow."""
     return experiment.name.rpartition(", cycles ")[0] or experiment.name
-
-
-def _fitted(run: RunRecord, place: int, later: Experiment | None, forecast: Prediction | None) -> _Simulated:
-    best, initial = _table(run.best, place), _table(run.initial, place)
-    if forecast is not None and later is not None:
-        return _forecast(forecast, initial, later.target.cycle_table)
-    fade = run.analysis.fade[place] if run.analysis is not None and place < len(run.analysis.fade) else None
-    # Where nothing is better than the start, one curve is drawn, as the initial one.
-    return _Simulated(None if run.best is run.initial else best, initial, fade)
 
 
 def _forecast(prediction: Prediction, initial: CycleTable | None, later: CycleTable | None) -> _Simulated:
