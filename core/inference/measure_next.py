@@ -12,8 +12,7 @@ from ..task import Protocol as StepProtocol
 from ..trajectory import SECONDS_PER_HOUR, FloatArray, Trajectory
 from ..trial import Trial
 from .derivatives import beside
-from .forecast import what_to_measure_next
-from .identifiability import open_directions
+from .identifiability import covariance_of, open_directions
 from .simulating import Simulating, Spent
 
 _ALONG = 0.02
@@ -90,3 +89,37 @@ def suggestions(
         worst = max(shares, key=lambda parameter: shares[parameter])
         found.append(Suggestion(name, protocols[name], hours[name], worst, shares[worst], shares))
     return tuple(found), 0
+
+
+def what_to_measure_next(
+    jacobian: FloatArray, candidates: Mapping[str, FloatArray], now: Mapping[str, float], noise: float
+) -> dict[str, dict[str, float]]:
+    """Half the width that each interval would have, by protocol: first that with the narrowest widest one (minimax).
+
+    Widths are shares of the range; among equals the smaller mean width decides.
+
+    Parameters
+    ----------
+    jacobian : ndarray of shape (m, p)
+        Derivatives of the residuals of what was measured, in the unit box.
+    candidates : mapping of str to ndarray of shape (k, p)
+        For each protocol the derivatives of its residuals, in the same tolerances.
+    now : mapping of str to float
+        Half the width of each parameter's present interval, in the order of the derivatives. That of a sample may be
+        wider or narrower than a linear one: the linear model tells by what factor a further record narrows it.
+    noise : float
+        Standard deviation of the residuals, in tolerances (`Identifiability.noise`).
+
+    References
+    ----------
+    Pukelsheim, Optimal Design of Experiments (2006), Ch. 6.
+    """
+    forecasts: dict[str, dict[str, float]] = {}
+    before = np.sqrt(np.diag(covariance_of(jacobian, noise)))
+    for protocol, rows in candidates.items():
+        after = np.sqrt(np.diag(covariance_of(np.vstack([jacobian, rows]), noise)))
+        forecasts[protocol] = {
+            name: share * ratio for (name, share), ratio in zip(now.items(), after / before, strict=True)
+        }
+    widths = {protocol: (max(shares.values()), sum(shares.values())) for protocol, shares in forecasts.items()}
+    return {protocol: forecasts[protocol] for protocol in sorted(forecasts, key=lambda protocol: widths[protocol])}

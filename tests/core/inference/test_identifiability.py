@@ -3,7 +3,6 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
-from bsa.core.inference.forecast import what_to_measure_next
 from bsa.core.inference.identifiability import (
     Identifiability,
     effective_noise,
@@ -148,28 +147,6 @@ def test_the_report_is_json() -> None:
     again = json.loads(json.dumps(asdict(found)))
     assert again["intervals"]["porosity"]["value"] == 0.3
     assert len(again["combinations"]) == 3
-
-
-def test_the_next_measurement_is_the_one_that_shows_what_is_open() -> None:
-    rng = np.random.default_rng(6)
-    known = rng.normal(size=(40, 3)) * [80.0, 80.0, 0.1]
-    candidates = {
-        "the same again": known,
-        "shows the exponent": rng.normal(size=(20, 3)) * [0.0, 0.0, 60.0],
-        "shows the porosity": rng.normal(size=(20, 3)) * [0.0, 300.0, 0.0],
-    }
-    now = dict.fromkeys(SPACE.names, 0.05) | {"exponent": 0.4}
-    ranked = what_to_measure_next(known, candidates, now, noise=1.0)
-    first, second, _ = ranked
-    assert first == "shows the exponent"
-    assert max(ranked[first].values()) < 0.1 < max(ranked[second].values()) == ranked[second]["exponent"]
-
-
-def test_a_record_that_shows_nothing_narrows_no_interval_however_wide_a_linear_model_has_it() -> None:
-    known = np.random.default_rng(6).normal(size=(40, 3))
-    now = dict(zip(SPACE.names, (0.38, 0.02, 0.3), strict=True))
-    found = what_to_measure_next(known, {"nothing": np.zeros((20, 3))}, now, noise=1.0)
-    assert found == {"nothing": pytest.approx(now)}
 
 
 @pytest.mark.parametrize(("count", "parameters"), [(34, 9), (40, 15), (34, 20), (400, 20)])
