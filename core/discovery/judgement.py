@@ -20,9 +20,7 @@ def explain(problem: Problem, effects: tuple[Effect, ...], fit: Refit) -> Explan
     """A fit with its judgement: adequacy, errors on fitted and held-out data, estimates with intervals."""
     predictions = problem.predict(effects, fit.candidate)
     assert predictions is not None, "a fit ends where it could be simulated"
-    errors = zip(problem.errors(predictions), problem.fitted, strict=True)
-    volts = np.concatenate([error[mask] for error, mask in errors])
-    sigmas = [problem.sigma(one)[mask] for one, mask in zip(problem.observations, problem.fitted, strict=True)]
+    volts, sigmas = problem.fitted_errors(predictions), problem.sigmas
     sigma = np.concatenate(sigmas)
     steps = np.cumsum(np.concatenate([np.diff(one.step, prepend=-1) != 0 for one in problem.stretches]))
     adequacy = judge(volts / sigma, steps, fit.taken, freedom_of_deviations(problem.stretches, sigmas))

@@ -167,10 +167,19 @@ class Problem:
             if prediction.temperature is not None and observed.temperature is not None
         }
 
-    def sigma(self, observed: Observations) -> FloatArray:
-        """Standard deviations with what is uncertain about the mesh, V."""
-        mesh = self.mesh_sigma.get(observed.name)
-        return observed.sigma if mesh is None else np.sqrt(observed.sigma**2 + mesh**2)
+    def fitted_errors(self, predictions: Sequence[Prediction]) -> FloatArray:
+        """Measured minus predicted voltage of the fitted stretches, one record after the other, V."""
+        errors = zip(self.errors(predictions), self.fitted, strict=True)
+        return np.concatenate([error[mask] for error, mask in errors])
+
+    @property
+    def sigmas(self) -> list[FloatArray]:
+        """Standard deviations of the fitted stretches by record, with what is uncertain about the mesh, V."""
+        found = []
+        for observed, mask in zip(self.observations, self.fitted, strict=True):
+            mesh = self.mesh_sigma.get(observed.name)
+            found.append((observed.sigma if mesh is None else np.sqrt(observed.sigma**2 + mesh**2))[mask])
+        return found
 
     def systematic(self) -> FloatArray:
         """Errors of the fitted stretches that do not average out, V, each a column, shape (n, k).
@@ -187,8 +196,7 @@ class Problem:
 
     def deviation(self) -> FloatArray:
         """What the fitted stretches are weighed by, one after the other: deviations with the misfit, V."""
-        parts = [self.sigma(observed)[mask] for observed, mask in zip(self.observations, self.fitted, strict=True)]
-        return np.asarray(np.sqrt(np.concatenate(parts) ** 2 + self.misfit_v**2))
+        return np.asarray(np.sqrt(np.concatenate(self.sigmas) ** 2 + self.misfit_v**2))
 
     def residuals(self, wanted: Sequence[tuple[Sequence[Effect], Candidate]]) -> list[FloatArray | None]:
         """Weighted residuals of the fitted stretches, misfit included, of several candidates, each with its effects.
@@ -196,11 +204,10 @@ class Problem:
         None where a simulation fails.
         """
         deviation = self.deviation()
-        return [None if found is None else self._weighted(found) / deviation for found in self.predict_all(wanted)]
-
-    def _weighted(self, predictions: Sequence[Prediction]) -> FloatArray:
-        errors = zip(self.errors(predictions), self.fitted, strict=True)
-        return robust(np.concatenate([error[mask] for error, mask in errors]))
+        return [
+            None if found is None else robust(self.fitted_errors(found)) / deviation
+            for found in self.predict_all(wanted)
+        ]
 
     @property
     def mesh_v(self) -> float:
