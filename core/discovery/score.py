@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..bounded_step import bounded_step
-from ..inference.refit import NO_PRIOR, Refit
+from ..inference.refit import Refit
 from ..trajectory import FloatArray
 
 _REACH = 3.0
@@ -38,8 +38,8 @@ def score_effect(fit: Refit, sensitivity: FloatArray, bounds: tuple[float, float
         Those of the strength, in probes with the null at 0.
     """
     residual, jacobian, prior_weights = fit.residual, fit.jacobian, fit.space.prior_weights
-    projected = _projected(fit, sensitivity)
-    free = residual - jacobian @ np.linalg.solve(_normal(fit), jacobian.T @ residual + prior_weights**2 * fit.u)
+    projected, (information, prior) = _projected(fit, sensitivity), fit.curvatures
+    free = residual - jacobian @ np.linalg.solve(information + prior, jacobian.T @ residual + prior_weights**2 * fit.u)
     size = float(projected @ projected)
     if float(sensitivity @ sensitivity) < 1e-6 or size < 1e-9:
         return Score(0.0, 0.0, 0.0)
@@ -75,14 +75,10 @@ def trusted_step(fit: Refit, residual: FloatArray) -> tuple[FloatArray, float]:
     return _bounded(fit.jacobian, residual, fit.space.prior_weights, fit.u, *_room(fit))
 
 
-def _normal(fit: Refit) -> FloatArray:
-    return np.asarray(fit.jacobian.T @ fit.jacobian + np.diag(fit.space.prior_weights**2 + NO_PRIOR))
-
-
 def _projected(fit: Refit, sensitivity: FloatArray) -> FloatArray:
     """A sensitivity without what the fitted parameters imitate."""
-    jacobian = fit.jacobian
-    return np.asarray(sensitivity - jacobian @ np.linalg.solve(_normal(fit), jacobian.T @ sensitivity))
+    jacobian, (information, prior) = fit.jacobian, fit.curvatures
+    return np.asarray(sensitivity - jacobian @ np.linalg.solve(information + prior, jacobian.T @ sensitivity))
 
 
 def _room(fit: Refit) -> tuple[FloatArray, FloatArray]:

@@ -23,7 +23,7 @@ of their tables. ``noise``: where a misfit counts as noise, the whole cost is a 
 worth a simulation. No steps by an emulator: fits are short and know their Jacobian.
 """
 
-NO_PRIOR = 1e-10
+_NO_PRIOR = 1e-10
 """Inverse variance that stands for a missing prior: curvatures stay invertible where no record tells a coordinate."""
 
 _SHARE = 0.03
@@ -77,8 +77,8 @@ class Refit:
         Its trace is the degrees of freedom that the fit has taken: a parameter that its prior holds takes less than
         one.
         """
-        priors = np.diag(np.sqrt(np.diag(self._curvatures[1])))
-        return np.asarray(np.linalg.qr(np.vstack([self.jacobian, priors]))[0][: len(self.jacobian)])
+        weights = np.sqrt(self.curvatures[1])
+        return np.asarray(np.linalg.qr(np.vstack([self.jacobian, weights]))[0][: len(self.jacobian)])
 
     def covariance(self, inflation: float = 1.0, systematic: FloatArray | None = None) -> FloatArray:
         """Covariance of the coordinates (Gauss-Newton), shape (p, p).
@@ -86,7 +86,7 @@ class Refit:
         ``inflation`` multiplies the data's variances; ``systematic`` are errors of the residual that do not average
         out, in standard deviations, independent of one another, shape (n, k): each moves the coordinates.
         """
-        information, prior = self._curvatures
+        information, prior = self.curvatures
         covariance = np.linalg.inv(information / inflation + prior)
         if systematic is not None:
             moved = np.linalg.solve(information + prior, self.jacobian.T @ systematic)
@@ -94,9 +94,9 @@ class Refit:
         return np.asarray(covariance)
 
     @property
-    def _curvatures(self) -> tuple[FloatArray, FloatArray]:
+    def curvatures(self) -> tuple[FloatArray, FloatArray]:
         """What the data and what the priors tell of the coordinates, as inverse covariances, each of shape (p, p)."""
-        return self.jacobian.T @ self.jacobian, np.diag(self.space.prior_weights**2 + NO_PRIOR)
+        return self.jacobian.T @ self.jacobian, np.diag(self.space.prior_weights**2 + _NO_PRIOR)
 
 
 def refit(
