@@ -159,14 +159,10 @@ def predict(
     moves: list[dict[str, FloatArray]] = [{}] * len(chosen)
     if len(draws):
         few = draws[:DRAWS_OF_A_LIFE] if task.long else draws
-        moves, more = _spread(task, candidate, chosen, simulating, few, exact)
-        spent += more
+        moves = _spread(task, candidate, chosen, simulating, few, exact)
+        spent += 1 + len(few)
     return tuple(
-        _forecast(task, experiment, run, moved, misfits, spent)
-        if experiment.long
-        else _prediction(
-            task, experiment, run, {name: _half_width(moves) for name, moves in moved.items()}, misfits, spent
-        )
+        (_forecast if experiment.long else _prediction)(task, experiment, run, moved, misfits, spent)
         for experiment, run, moved in zip(chosen, exact.runs, moves, strict=True)
     )
 
@@ -237,10 +233,10 @@ def _spread(
     simulating: Simulating,
     draws: Sequence[Sequence[float]],
     exact: Outcome,
-) -> tuple[list[dict[str, FloatArray]], int]:
+) -> list[dict[str, FloatArray]]:
     """How far every observed signal moves with each draw, shape (n, d), on the samples of the exact simulation.
 
-    Of a whole life how far the capacities of its cycles move. And what it took.
+    Of a whole life how far the capacities of its cycles move.
     """
     candidates = [candidate, *(task.space.from_unit(np.array(draw)) for draw in draws)]
     here, *around = _simulated(candidates, experiments, simulating, False)
@@ -260,12 +256,7 @@ def _spread(
                     for signal in task.observed_in(final.trajectory)
                 }
             )
-    return moves, len(candidates)
-
-
-def _half_width(moves: FloatArray) -> FloatArray:
-    """Half the 95 % band about the fit, from what so many draws move."""
-    return np.asarray(_student(moves.shape[1]) * np.sqrt(np.mean(moves**2, axis=1)))
+    return moves
 
 
 def _student(draws: int) -> float:
@@ -327,21 +318,22 @@ def _prediction(
     task: Task,
     experiment: Experiment,
     run: ExperimentRun,
-    widths: Mapping[str, FloatArray],
+    moves: Mapping[str, FloatArray],
     misfits: Mapping[str, float],
     spent: int,
 ) -> Prediction:
-    errors = errors_of_record(task, experiment, run)
-    whole = run.trajectory
+    errors, whole = errors_of_record(task, experiment, run), run.trajectory
     if whole is not None:
-        whole = whole.changed(**{band_of(name): values for name, values in widths.items()})
+        # Half the 95 % band about the fit, from what so many draws move.
+        half = {name: _student(moved.shape[1]) * np.sqrt(np.mean(moved**2, axis=1)) for name, moved in moves.items()}
+        whole = whole.changed(**{band_of(name): width for name, width in half.items()})
     simulated = scored_part(whole, experiment)
     if simulated is None:
         return Prediction(errors, {}, None, spent)
     bands = {
         signal.name: band
         for signal in task.observed_in(experiment.target)
-        if signal.name in widths
+        if signal.name in moves
         for band in [_band(task, simulated, run, experiment, signal, NORMAL_95 * misfits.get(signal.name, 0.0))]
         if band is not None
     }

@@ -6,7 +6,7 @@ from these too.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import chi2
@@ -66,14 +66,14 @@ class SimulatedPosterior:
     draws: FloatArray  # In the unit box. Shape (n, p).
     excess: float  # By what factor residuals are larger than their deviations.
     # Whether the best simulation before the sample is among its likelier 95 %: if not, others come clearly nearer.
-    holds_best: bool = True
+    holds_best: bool
     # By what factor the sample was widened since draws did not come out as predicted when simulations ended; 1 if they
     # did.
-    widened: float = 1.0
-    cut_short: bool = False  # Whether fewer simulations were allowed than all rounds take.
+    widened: float
+    cut_short: bool  # Whether fewer simulations were allowed than all rounds take.
     # Where draws do not come out as predicted, points that were simulated and follow the records as draws should, shape
     # (k, p) in the unit box: what draws do in another record is then not what the records leave open. Else empty.
-    followed: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    followed: FloatArray
 
 
 @on_one_thread
