@@ -187,35 +187,30 @@ def _meeting_beginnings(
     One that cannot be simulated from there starts where its first sample is its open-circuit voltage, and so does one
     that shows most of the drop that a cell shows which starts there: its first sample was taken before the load.
     """
-    spent, as_given = 0, experiments
-    at_rest: set[int] = set()
-    for _ in range(_STARTS_TRIED):
-        places = [
-            place
-            for place, experiment in enumerate(experiments)
-            # Of a life the target's first cycle need not be the one that is simulated first.
-            if experiment.initial_voltage is not None
-            and not (experiment.long or experiment.is_spectrum)
-            and begins_under_load(experiment.target)
-            and place not in at_rest
-        ]
-        if not places:
-            break
-        outcome = _simulated([candidate], tuple(experiments[place] for place in places), simulating, False)[0]
+    places = [
+        place
+        for place, experiment in enumerate(experiments)
+        # Of a life the target's first cycle need not be the one that is simulated first.
+        if experiment.initial_voltage is not None
+        and not (experiment.long or experiment.is_spectrum)
+        and begins_under_load(experiment.target)
+    ]
+    moved, at_rest, spent = list(experiments), set[int](), 0
+    while places and spent < _STARTS_TRIED:
+        outcome = _simulated([candidate], tuple(moved[place] for place in places), simulating, False)[0]
         spent += 1
-        moved = list(experiments)
         for place, run in zip(places, outcome.runs, strict=True):
-            voltage = experiments[place].initial_voltage
+            voltage = moved[place].initial_voltage
             if run.failure is None and run.trajectory is not None and voltage is not None:
-                lacking = _lacking_at_first(run.trajectory, experiments[place].target)
+                lacking = _lacking_at_first(run.trajectory, moved[place].target)
                 if spent == 1 and abs(lacking) < _REST_SHARE * abs(voltage - float(run.trajectory.voltage[0])):
                     at_rest.add(place)
                 else:
-                    moved[place] = replace(experiments[place], initial_voltage=voltage + lacking)
+                    moved[place] = replace(moved[place], initial_voltage=voltage + lacking)
             else:
-                moved[place] = as_given[place]
-        experiments = tuple(moved)
-    return experiments, spent
+                moved[place] = experiments[place]
+        places = [place for place in places if place not in at_rest]
+    return tuple(moved), spent
 
 
 def _lacking_at_first(simulated: Trajectory, measured: Trajectory) -> float:
