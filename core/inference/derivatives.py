@@ -26,25 +26,22 @@ def known_derivatives(trials: Sequence[Trial], best: Trial, space: ParameterSpac
     Finite differences that a least-squares fit took are such pairs, so a fit that ended where it last
     looked around needs no further simulation. Of several pairs the one nearest the candidate counts.
     """
-    usable = [trial for trial in trials if trial.residuals is not None]
-    points = {trial.index: space.to_unit(trial.candidate) for trial in usable}
     centre = space.to_unit(best.candidate)
-    near = [trial for trial in usable if float(np.linalg.norm(points[trial.index] - centre)) <= _NEAR + _LONGEST]
+    points = [(space.to_unit(trial.candidate), trial.residuals) for trial in trials]
+    seen = [(float(np.linalg.norm(point - centre)), point, found) for point, found in points if found is not None]
+    near = [one for one in seen if one[0] <= _NEAR + _LONGEST]
     nearest: dict[int, float] = {}
     columns: dict[int, FloatArray] = {}
-    for number, first in enumerate(near):
-        for second in near[:number]:
-            change = points[first.index] - points[second.index]
+    for number, (away, here, first) in enumerate(near):
+        for other, there, second in near[:number]:
+            change, distance = here - there, min(away, other)
             moved = np.flatnonzero(np.abs(change) > _SAME)
             if len(moved) != 1 or not _SHORTEST <= abs(change[moved[0]]) <= _LONGEST:
                 continue
             place = int(moved[0])
-            distance = min(float(np.linalg.norm(points[trial.index] - centre)) for trial in (first, second))
-            if distance <= _NEAR and distance < nearest.get(place, float("inf")):
-                assert first.residuals is not None
-                assert second.residuals is not None
+            if distance <= _NEAR and distance < nearest.get(place, np.inf):
                 nearest[place] = distance
-                columns[place] = (first.residuals - second.residuals) / change[place]
+                columns[place] = (first - second) / change[place]
     return columns
 
 

@@ -81,9 +81,9 @@ def _told(fit: Refit, quantities: Quantities) -> dict[str, tuple[float, float]]:
     covariance = fit.covariance(noise**2)
     here = quantities(fit.candidate)
     slopes = []
-    for place in range(len(fit.u)):
-        ends = [quantities(fit.space.at(fit.u + sign * _DIFFERENCE * np.eye(len(fit.u))[place])) for sign in (1, -1)]
-        slopes.append([(ends[0][name] - ends[1][name]) / (2 * _DIFFERENCE) for name in here])
+    for step in _DIFFERENCE * np.eye(len(fit.u)):
+        above, below = (quantities(fit.space.at(place)) for place in (fit.u + step, fit.u - step))
+        slopes.append([(above[name] - below[name]) / (2 * _DIFFERENCE) for name in here])
     slope = np.array(slopes)
     half = NORMAL_95 * np.sqrt(np.einsum("ik,ij,jk->k", slope, covariance, slope))
     return {name: (here[name], float(half[k])) for k, name in enumerate(here)}
