@@ -88,7 +88,9 @@ class Engine:
             return Shortlist(base, fitter, base, False, [])
         self._say(f"noise does not explain the {1e3 * base.rmse_v:.2f} mV that are left; scoring effects")
         near = near_new(fitter)
-        early_fitter, refitted = near or (fitter, temper(fitter, base) if self._overfitted(base) else base)
+        # Whether it was fitted with less counted as noise than what it leaves.
+        overfitted = self.problem.misfit_v == 0.0 or base.inflated_noise_v > self.problem.misfit_v
+        early_fitter, refitted = near or (fitter, temper(fitter, base) if overfitted else base)
         if near is None and refitted.rmse_v < base.rmse_v:
             base = refitted
         early_fitter, refitted = early_fitter.on_low_fidelity(refitted) or (early_fitter, refitted)
@@ -302,7 +304,7 @@ class Engine:
         if not result:
             return result
         leader = result[0]
-        singles = [e for e in result[1:] if len(e.effects) == 1 and _is_open(e, leader)]
+        singles = [e for e in result[1:] if len(e.effects) == 1 and (not e.settled or e.effects[0] in leader.effects)]
         fits: list[Callable[[], Explanation | None]] = [
             partial(self._fitter.from_neighbour, e.effects, e.fit, leader) for e in singles
         ]
@@ -357,12 +359,3 @@ class Engine:
         near = [e for e in explanations if RULES.behind(e, explanations[0]) <= RULES.far_ahead or not e.settled]
         again = self.problem.side_by_side([partial(go_on, explanation) for explanation in near])
         return ranked([*again, *(e for e in explanations if e not in near)])
-
-    def _overfitted(self, base: Explanation) -> bool:
-        """Whether the base model was fitted with less counted as noise than what it leaves."""
-        return self.problem.misfit_v == 0.0 or base.inflated_noise_v > self.problem.misfit_v
-
-
-def _is_open(single: Explanation, leader: Explanation) -> bool:
-    """Whether a single effect may not have shown all it explains."""
-    return not single.settled or single.effects[0] in leader.effects

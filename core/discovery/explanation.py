@@ -184,16 +184,7 @@ def estimates_of(
                 ends = [parameter.origin + end * parameter.length for end in (u - half, u + half)]
             value = parameter.at_coordinate(u)
             bound = {"lower": p.lower, "upper": p.upper}.get(parameter.bound_at(value), p.null)
-            rows.append(
-                Estimate(
-                    p.name,
-                    p.unit,
-                    value,
-                    (float(ends[0]), float(ends[1])),
-                    p.null,
-                    bound != p.null,
-                    p.of,
-                )
-            )
+            interval = float(ends[0]), float(ends[1])
+            rows.append(Estimate(p.name, p.unit, value, interval, p.null, bound != p.null, p.of))
         result[effect.key] = tuple(rows)
     return result

@@ -33,8 +33,7 @@ def nominate(fitter: Fitter, base: Explanation, catalogue: Sequence[Effect], evi
     """Score every effect of a catalogue on what the base model leaves, the most promising first."""
     nominations = [Nomination(e, e.lacking(evidence)) for e in catalogue]
     shown = [nomination for nomination in nominations if not nomination.lacks]
-    sensitivities = sensitivities_of(fitter, base, [nomination.effect for nomination in shown])
-    for nomination, sensitivity in zip(shown, sensitivities, strict=True):
+    for nomination, sensitivity in zip(shown, _sensitivities(fitter, base, shown), strict=True):
         if sensitivity is None:
             nomination.lacks = "could not be simulated at the base fit"
         else:
@@ -65,28 +64,26 @@ def nominate_second(fitter: Fitter, first: Explanation, nominations: Sequence[No
             continue
         sensitivity = known.sensitivity * known.deviation / deviation
         score = score_effect(first.fit, sensitivity, _ends(known.effect))
-        nomination = Nomination(known.effect, "", score, sensitivity, deviation, beside=first.effects)
-        found.append(nomination)
+        found.append(Nomination(known.effect, "", score, sensitivity, deviation, beside=first.effects))
     return sorted(found, key=lambda n: -n.gain)
 
 
-def sensitivities_of(fitter: Fitter, explanation: Explanation, effects: Sequence[Effect]) -> list[FloatArray | None]:
-    """Derivatives of the weighted residual by the strength (per probe) of each effect, given an explanation.
+def _sensitivities(fitter: Fitter, base: Explanation, nominations: Sequence[Nomination]) -> list[FloatArray | None]:
+    """Derivatives of the weighted residual by the strength (per probe) of each effect, given the base model.
 
     Against the effect's own null rather than the base model: an option may change the approximation a
     little even at strength zero, and that is not the effect.
     """
     wanted = []
-    for effect in effects:
+    for effect in (nomination.effect for nomination in nominations):
         on = {effect.full_name(p): p.probe for p in effect.parameters}
         off = on | {effect.full_name(effect.strength): effect.strength.null}
-        wanted += [((*explanation.effects, effect), explanation.fit.candidate | values) for values in (on, off)]
+        wanted += [((effect,), base.fit.candidate | values) for values in (on, off)]
     found = fitter.problem.residuals(wanted)
-    sensitivities: list[FloatArray | None] = []
-    for with_it, without in zip(found[::2], found[1::2], strict=True):
-        at_null = explanation.fit.residual if without is None else without
-        sensitivities.append(None if with_it is None else with_it - at_null)
-    return sensitivities
+    return [
+        None if with_it is None else with_it - (base.fit.residual if without is None else without)
+        for with_it, without in zip(found[::2], found[1::2], strict=True)
+    ]
 
 
 def score_where_strong(fitter: Fitter, before: Explanation, nomination: Nomination) -> Score:
@@ -104,8 +101,7 @@ def score_where_strong(fitter: Fitter, before: Explanation, nomination: Nominati
         found = fitter.residuals(nomination.effects)(starts)
         return [np.inf if r is None else float(r @ r) + fit.prior_cost - trusted_step(fit, r)[1] for r in found]
 
-    found = least([[one] for one in _strengths(nomination, _wanted_sign(nomination))], costs)
-    best, left = found
+    best, left = least([[one] for one in _strengths(nomination, _wanted_sign(nomination))], costs)
     gain = fit.cost - trusted_step(fit, fit.residual)[1] - left
     return known if best is None or gain <= known.gain else replace(known, amplitude=best, gain=gain)
 
