@@ -97,24 +97,21 @@ def errors_of_record(task: Task, experiment: Experiment, run: ExperimentRun) -> 
     if all(TEMPERATURE.name in curve.signals for curve in (target, simulated)):
         signals += [TEMPERATURE] * (TEMPERATURE.name not in {signal.name for signal in signals})
     pairs = pair_steps(run.trajectory, experiment)
-    if experiment.is_spectrum:
-        whole = {signal.name: _over_time(signal, simulated, target, driven) for signal in signals}
-        spectra = (recorded_spectrum(experiment.name, record) for record in (target, simulated))
-        return RecordErrors(experiment.name, whole, failure=failure, impedance=compare(*spectra))
     if experiment.long:
         whole = {signal.name: _over_steps(signal, pairs) for signal in signals} | _of_capacity(run, target)
     else:
         whole = {signal.name: _over_time(signal, simulated, target, driven) for signal in signals}
+    if experiment.is_spectrum:
+        spectra = (recorded_spectrum(experiment.name, record) for record in (target, simulated))
+        return RecordErrors(experiment.name, whole, failure=failure, impedance=compare(*spectra))
     steps = []
     for pair in pairs:
         if pair.simulated is None or len(pair.measured) < 2:
             continue
-        found = {}
-        for signal in signals:
-            if driven:
-                found[signal.name] = _over_time(signal, pair.simulated, pair.measured, driven)
-            else:
-                found[signal.name] = _error(signal, np.ones(_PER_STEP), _aligned(signal, pair))
+        if driven:
+            found = {signal.name: _over_time(signal, pair.simulated, pair.measured, driven) for signal in signals}
+        else:
+            found = {signal.name: _error(signal, np.ones(_PER_STEP), _aligned(signal, pair)) for signal in signals}
         steps.append(StepErrors(pair.name, float(pair.measured.time[0]), pair.measured.duration, found))
     return RecordErrors(experiment.name, whole, tuple(steps), failure, run.limits)
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..comparison.overlap import weighted_rms
 from ..inference.observations import Observations
 from ..trajectory import FloatArray
 
@@ -55,8 +56,8 @@ def fit_closure(observations: Sequence[Observations], errors: Sequence[FloatArra
     return Closure(
         names,
         tuple(float(value) for value in solved),
-        float(np.sqrt(np.average(target**2, weights=weight**2))),
-        float(np.sqrt(np.average(rest**2, weights=weight**2))),
+        weighted_rms(weight**2, target),
+        weighted_rms(weight**2, rest),
     )
 
 

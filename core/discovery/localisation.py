@@ -7,14 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import zero_Celsius
 
+from ..comparison.overlap import weighted_rms
 from ..inference.observations import Observations
 from ..trajectory import SECONDS_PER_HOUR, FloatArray, StepKind
 
 _SINCE_EDGES_S = (2.0, 30.0, 300.0, 1200.0)
 _SINCE_NAMES = ("0-2 s", "2-30 s", "30 s-5 min", "5-20 min", "over 20 min")
-
-_Names = Callable[[Observations, float], NDArray[np.str_]]
-"""The place of each stretch, from a record's averages and the capacity, A.h."""
 
 LAYOUTS = {
     "segment": "segment",
@@ -78,7 +76,7 @@ def _place(by: str, where: str, rows: FloatArray, whole: float) -> Place:
     return Place(
         by,
         where,
-        1e3 * float(np.sqrt(np.sum(count * difference**2) / np.sum(count))),
+        1e3 * weighted_rms(count, difference),
         1e3 * bias,
         bias * float(np.sqrt(np.sum(weight))),
         float(np.sum(excess)) / whole if whole > 0 else 0.0,
@@ -144,7 +142,7 @@ def _cycle(observed: Observations, capacity: float) -> NDArray[np.str_]:
     return np.array([f"cycle {number}" for number in observed.cycle])
 
 
-_NAMES: dict[str, _Names] = {
+_NAMES: dict[str, Callable[[Observations, float], NDArray[np.str_]]] = {
     "segment": _segment,
     "rate": _rate,
     "charge": _charge,
@@ -152,7 +150,7 @@ _NAMES: dict[str, _Names] = {
     "temperature": _temperature,
     "cycle": _cycle,
 }
-"""The places of each layout (`LAYOUTS`)."""
+"""For each layout (`LAYOUTS`) the place of each stretch, from a record's averages and the capacity, A.h."""
 
 
 def in_words(places: Sequence[Place], noise_v: float) -> list[str]:
