@@ -100,14 +100,8 @@ def rounding_that_stays(noise: float, rounding: float) -> float:
     """Deviation of the part of rounding errors that neighbouring readings share, in the unit of its arguments.
 
     With noise of half a rounding step or more, the rounding errors of neighbours are practically independent. Without
-    noise, neighbours with the same reading have the same error, and so has their mean.
-
-    Parameters
-    ----------
-    noise : float
-        Standard deviation of a reading, rounding included.
-    rounding : float
-        What rounding contributes (`resolution`).
+    noise, neighbours with the same reading have the same error, and so has their mean. ``noise`` is the standard
+    deviation of a reading, rounding included; ``rounding`` is what that contributes (`resolution`).
 
     References
     ----------

@@ -12,13 +12,6 @@ def robust(errors: FloatArray, far: float = FAR_V) -> FloatArray:
     """Errors with those beyond ``far`` reduced to their order of magnitude: ``far arcsinh(e / far)``.
 
     A candidate whose cell is empty before its record ends is off by volts there, and these samples would outweigh all
-    others.
-
-    Parameters
-    ----------
-    errors : ndarray of shape (n,)
-        In any unit.
-    far : float
-        In the same unit; by default for voltages.
+    others. ``far`` is in the unit of the errors; by default for voltages.
     """
     return np.asarray(far * np.arcsinh(errors / far))

@@ -29,13 +29,7 @@ def score_effect(fit: Refit, sensitivity: FloatArray, bounds: tuple[float, float
     With ``r`` the weighted residual (data minus model), ``J`` its derivative by the fitted parameters and ``d`` by the
     strength, the projected sensitivity is ``d_p = d - J (J^T J + B)^-1 J^T d`` with the priors' weights ``B``; the
     estimated strength is ``-d_p.r / d_p.d_p`` (Rao's score test; Rao 1948, doi:10.1017/S0305004100023987).
-
-    Parameters
-    ----------
-    sensitivity : ndarray of shape (n,)
-        ``d``, per probe.
-    bounds : tuple of float
-        Those of the strength, in probes with the null at 0.
+    ``sensitivity`` is ``d`` per probe, of shape (n,); ``bounds`` are those of the strength, in probes from the null.
     """
     residual, jacobian, prior_weights = fit.residual, fit.jacobian, fit.space.prior_weights
     projected, (information, prior) = _projected(fit, sensitivity), fit.curvatures

@@ -33,13 +33,6 @@ class Column:
         Norm of the change over which the slope is taken; 0 always takes the usual step.
     central : bool
         Whether both sides are wanted.
-
-    Attributes
-    ----------
-    wanted : float or None
-        Where the coordinate is wanted next; None when nothing more is.
-    failed : bool
-        Whether simulations failed, and none ran that tells a slope.
     """
 
     def __init__(
@@ -51,7 +44,7 @@ class Column:
         step: float,
         slope: float,
         visible: float,
-        central: bool = False,
+        central: bool,
     ) -> None:
         self.place = place
         self._here, self._lower, self._upper, self._visible = here, lower, upper, visible
@@ -62,7 +55,7 @@ class Column:
         self._central = central
         self._changes: dict[float, FloatArray] = {}  # By how far away.
         self._failures = 0
-        self.wanted: float | None = None
+        self.wanted: float | None = None  # Where the coordinate is wanted next; None when nothing more is.
         self._begin(1.0 if upper - here >= here - lower else -1.0)
 
     def _begin(self, first: float) -> None:
@@ -97,7 +90,7 @@ class Column:
 
     @property
     def failed(self) -> bool:
-        """See `Column`."""
+        """Whether simulations failed, and none ran that tells a slope."""
         return self._failures > 0 and not self._changes
 
     @property
@@ -114,25 +107,9 @@ class Column:
 class Differences:
     """Measures the derivatives of the residuals at a point, one batch of simulations after another.
 
-    Parameters
-    ----------
-    point : ndarray of shape (p,)
-        Where.
-    residual : ndarray of shape (m,)
-        The residuals there.
-    known : ndarray of shape (m, p) or None
-        An older Jacobian, which sets the steps.
-    settings : Settings
-        The other steps, and over which change a slope is taken.
-    free : ndarray of bool, shape (p,)
-        Which coordinates are varied; the other columns are zero.
-    closer : bool
-        Whether differences are central, over a change that is smaller by `Settings.closer`.
-
-    Attributes
-    ----------
-    jacobian : ndarray of shape (m, p)
-        What is known so far. A column that cannot be measured stays zero: a fit leaves that parameter alone.
+    ``jacobian``, of shape (m, p), is what is known so far. The columns of coordinates that are not ``free`` stay zero,
+    and so does one that cannot be measured: a fit leaves that parameter alone. ``known`` is an older Jacobian, which
+    sets the steps. ``closer`` takes central differences, over a change that is smaller by `Settings.closer`.
     """
 
     def __init__(
@@ -143,7 +120,7 @@ class Differences:
         box: Box,
         settings: Settings,
         free: NDArray[np.bool_],
-        closer: bool = False,
+        closer: bool,
     ) -> None:
         self._point, self._residual = point, residual
         self.jacobian = np.zeros((len(residual), len(point)))

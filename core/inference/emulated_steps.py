@@ -38,16 +38,7 @@ simulations with a larger root mean square are left out, as too far from the fit
 class EmulatedSteps(GuidedSteps):
     """Remembers the simulations of a fit, and leads to where an emulator expects the least cost.
 
-    Parameters
-    ----------
-    box : Box
-        Bounds and priors of the fit's coordinates.
-    free : ndarray of bool, shape (p,)
-        Which coordinates may move.
-    noise : float
-        Standard deviation of a residual; 0 takes residuals as they are.
-    radius : float
-        Longest step of a coordinate.
+    ``noise`` is the standard deviation of a residual; 0 takes residuals as they are.
     """
 
     def __init__(self, box: Box, free: NDArray[np.bool_], noise: float, radius: float = np.inf) -> None:

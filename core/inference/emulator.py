@@ -122,10 +122,7 @@ _MIDDLE = 0.5
 def learn(points: FloatArray, residuals: FloatArray, earlier: Emulator | None = None) -> Emulator:
     """An emulator of simulations at points of shape (n, p) that gave residuals of shape (n, m).
 
-    Parameters
-    ----------
-    earlier : Emulator, optional
-        One of fewer simulations, whose length scales are a good start.
+    ``earlier`` is one of fewer simulations, whose length scales are a good start.
     """
     best = int(np.argmin(np.sum(residuals**2, axis=1)))
     changes = residuals - residuals[best]

@@ -14,41 +14,23 @@ class GuidedSteps(ABC):
     """Steps to where a model of the residuals expects the least cost.
 
     A step fails if its gain is poor, less than is worth a simulation, or less than
-    ``least_share`` of the cost. After ``patience`` failures in a row the model is no longer used.
-
-    Parameters
-    ----------
-    radius : float
-        Longest step of a coordinate.
-    patience : float
-        Failures in a row after which it is given up.
-
-    Attributes
-    ----------
-    promised : float
-        The gain in cost that was predicted last.
-    expects : bool
-        Whether the model predicted anything when it was asked last.
+    ``least_share`` of the cost. After ``patience`` failures in a row the model is no longer used. ``radius`` is the
+    longest step of a coordinate.
     """
 
     least_share = 0.0
 
     def __init__(self, radius: float, patience: float) -> None:
         self.patience = patience
-        self.promised = 0.0
-        self.expects = False
+        self.promised = 0.0  # The gain in cost that was predicted last.
+        self.expects = False  # Whether the model predicted anything when it was asked last.
         self._radius = self._reach = radius
         self._failures = 0.0
 
     def next(self, point: FloatArray, residual: FloatArray, cost: float, worth: float) -> FloatArray | None:
         """Where to simulate next, shape (p,); None where too little is promised, or too many steps have failed.
 
-        Parameters
-        ----------
-        point, residual, cost
-            The best point, of shape (p,), the residuals and the cost there.
-        worth : float
-            Gain in cost that is worth a simulation.
+        ``point`` is the best one, with its residuals and cost; a gain in cost of ``worth`` is worth a simulation.
         """
         self.expects = False
         return self.at_once(point, residual, cost, worth) if self._failures < self.patience else None

@@ -118,15 +118,10 @@ class Identifiability:
 
 
 def residual_noise(residual: FloatArray, parameters: int, floor: float = 0.0) -> float:
-    """Standard deviation of the residuals, degrees of freedom counted, in tolerances.
+    """Standard deviation of the residuals at the optimum, shape (m,), degrees of freedom counted, in tolerances.
 
-    Parameters
-    ----------
-    residual : ndarray of shape (m,)
-        Residuals at the optimum.
-    floor : float, optional
-        What the instrument resolves at best, in tolerances: a fit to noiseless records would otherwise
-        claim a precision that no measurement has.
+    It is ``floor`` at least, what the instrument resolves at best: a fit to noiseless records would otherwise claim a
+    precision that no measurement has.
     """
     freedom = max(len(residual) - parameters, 1)
     return max(float(np.sqrt(residual @ residual / freedom)), floor)
@@ -151,13 +146,8 @@ def effective_noise(residual: FloatArray, parameters: int, floor: float) -> floa
     first-order autoregressive series. The fit has removed what parameters can follow, so that the residuals are less
     correlated than the errors: by ``(p + (p + 2) rho) / m`` on average, for m residuals and p smooth responses. A
     correlation below its own standard error, ``1 / sqrt(m)``, may be chance, and so much less of p is made up for.
-
-    Parameters
-    ----------
-    residual : ndarray of shape (m,)
-        Residuals at the optimum, in the order of time.
-    floor : float
-        What the instrument resolves at best, in tolerances; its noise is taken as independent.
+    Residuals are in the order of time. The noise of the instrument, ``floor`` as in `residual_noise`, is taken as
+    independent.
 
     References
     ----------
@@ -202,17 +192,10 @@ def identify(
     )
 
 
-def with_sample(
-    found: Identifiability, draws: FloatArray, space: ParameterSpace, holds_fit: bool = True
-) -> Identifiability:
-    """The same with intervals and covariance of a sample of the posterior.
+def with_sample(found: Identifiability, draws: FloatArray, space: ParameterSpace, holds_fit: bool) -> Identifiability:
+    """The same with intervals and covariance of a sample of the posterior, draws of shape (n, p) in the unit box.
 
-    Parameters
-    ----------
-    draws : ndarray of shape (n, p)
-        In the unit box.
-    holds_fit : bool, optional
-        Whether the fit is as likely as draws are. Every interval then contains the fitted value.
+    ``holds_fit`` is whether the fit is as likely as draws are: every interval then contains the fitted value.
     """
     intervals = {}
     for parameter, column in zip(space, draws.T, strict=True):
@@ -220,13 +203,7 @@ def with_sample(
         lower, upper = _ends(column, parameter.to_unit(value) if holds_fit else None)
         half = 0.5 * (upper - lower)
         ends = [parameter.from_unit(lower), parameter.from_unit(upper), *[value] * holds_fit]
-        intervals[parameter.name] = Interval(
-            value=value,
-            lower=min(ends),
-            upper=max(ends),
-            share_of_range=half,
-            verdict=_verdict(half),
-        )
+        intervals[parameter.name] = Interval(value, min(ends), max(ends), half, _verdict(half))
     covariance = np.atleast_2d(np.cov(draws.T))
     some = np.random.default_rng(0).permutation(len(draws))[:DRAWS_KEPT]
     return replace(
@@ -323,16 +300,8 @@ def unsettled(
     """The parameters that one more linear step inside the bounds would move beyond their own interval.
 
     Around such a place intervals mean nothing: the fit has stopped short of its optimum. A fit that has come to its
-    optimum at a bound has not, however far beyond the bound the step would lead.
-
-    Parameters
-    ----------
-    jacobian, residual
-        As for `identify`.
-    noise : float
-        Standard deviation of the residuals, in tolerances.
-    centre : ndarray of shape (p,)
-        The fitted parameters in the unit box.
+    optimum at a bound has not, however far beyond the bound the step would lead. The arguments are those of `identify`,
+    and the fitted parameters in the unit box, ``centre``, of shape (p,).
     """
     if noise <= 0:
         return ()

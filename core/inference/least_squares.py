@@ -185,11 +185,8 @@ class LeastSquares:
     def ask(self, limit: int | None = None) -> list[FloatArray]:
         """The points whose residuals are wanted next, each of shape (p,) inside the box; empty when done.
 
-        Parameters
-        ----------
-        limit : int, optional
-            How many can still be simulated. Where they do not suffice for a new Jacobian, the one at
-            hand, or the emulator, is used to the end; where these predict no gain, it is asked for all the same.
+        ``limit`` is how many can still be simulated. Where they do not suffice for a new Jacobian, the one at
+        hand, or the emulator, is used to the end; where these predict no gain, it is asked for all the same.
         """
         self.plan()
         if self.stage == "jacobian" and not self._batch:
@@ -459,15 +456,10 @@ def _squares(values: FloatArray) -> float:
 def solve(
     search: LeastSquares, residuals: Callable[[list[FloatArray]], Sequence[FloatArray | None]], budget: int
 ) -> None:
-    """Ask and tell until nothing is left to gain or the budget is spent.
+    """Ask and tell until nothing is left to gain, or as many points as the budget allows are simulated.
 
-    Parameters
-    ----------
-    residuals : callable
-        ``residuals(points)`` returns the residuals of each, shape (m,), or None for one that failed; it may simulate
-        them side by side.
-    budget : int
-        How many points may be simulated.
+    ``residuals(points)`` returns the residuals of each, shape (m,), or None for one that failed; it may simulate them
+    side by side.
     """
     while (left := budget - search.simulations) > 0:
         batch = search.ask(left)

@@ -35,19 +35,12 @@ class LowFidelity:
         Residuals of points by the low-fidelity model.
     suffices : bool
         Whether a fit ends where this model leads no further. If not, it goes on without this model.
-
-    Attributes
-    ----------
-    jacobian : ndarray of shape (m, p) or None
-        What is known of the corrected model's derivatives near the last point.
-    has_led : bool
-        Whether a step by this model has gained anything, in any fit that it has led.
     """
 
     def __init__(self, residuals: LowResiduals, suffices: bool = False) -> None:
         self._simulate = residuals
         self.suffices = suffices
-        self.has_led = False
+        self.has_led = False  # Whether a step by this model has gained anything, in any fit that it has led.
         self._seen: dict[bytes, FloatArray | None] = {}
         self._learnt: set[bytes] = set()  # Where the full model has simulated too.
         self._point = self._error = np.zeros(
@@ -55,6 +48,7 @@ class LowFidelity:
         )  # What the full model's residuals are less those of this one, at a point.
         self._correction: FloatArray | None = None  # Derivatives of that error.
         self._missed: float | None = None  # Squared error of the last prediction.
+        # What is known of the corrected model's derivatives near the last point, shape (m, p).
         self.jacobian: FloatArray | None = None
 
     def learn(self, point: FloatArray, residual: FloatArray | None) -> bool:

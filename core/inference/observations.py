@@ -129,12 +129,7 @@ def freedom_of_deviations(observations: Sequence[Observations], sigmas: Sequence
     """Degrees of freedom of the deviations of some records together; infinite where none hangs on an estimate.
 
     Noise is a part of each deviation, and what else is in them counts as known (Satterthwaite, Biometrics Bull. 2
-    (1946) 110).
-
-    Parameters
-    ----------
-    sigmas : sequence of ndarray of shape (n,)
-        Deviations of the stretches of each record, V.
+    (1946) 110). ``sigmas`` are the deviations of the stretches of each record, V.
     """
     total = sum(map(len, sigmas))
     doubt = sum(

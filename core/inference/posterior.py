@@ -46,10 +46,8 @@ far from all others."""
 def beginning(centre: FloatArray, residual: FloatArray, jacobian: FloatArray) -> FloatArray:
     """Walkers spread as the posterior of a linear response; an even number.
 
-    Parameters
-    ----------
-    centre, residual, jacobian : ndarray of shapes (p,), (m,) and (m, p)
-        Of the response, in standard deviations and in coordinates whose prior is standard normal.
+    ``centre``, ``residual`` and ``jacobian``, of shapes (p,), (m,) and (m, p), are those of the response, in standard
+    deviations and in the coordinates of `sample`.
     """
     covariance = np.linalg.inv(jacobian.T @ jacobian + np.eye(len(centre)))
     mean = centre - covariance @ (jacobian.T @ residual + centre)
@@ -66,14 +64,10 @@ def going_on(draws: FloatArray, costs: Callable[[FloatArray], FloatArray]) -> Fl
 
 
 def sample(costs: Callable[[FloatArray], FloatArray], walkers: FloatArray, moves: int = MOVES) -> FloatArray:
-    """Draws from the posterior, shape (n, p).
+    """Draws from the posterior, shape (n, p), in coordinates whose prior is standard normal.
 
-    Parameters
-    ----------
-    costs : callable
-        Twice the negative logarithm of the posterior at points of shape (k, p).
-    walkers : ndarray of shape (w, p)
-        Where they start; an even number.
+    ``costs`` is twice the negative logarithm of the posterior at points of shape (k, p). The walkers, of shape (w, p)
+    where they start, are an even number.
     """
     rng = np.random.default_rng(0)
     walkers, half = walkers.copy(), len(walkers) // 2

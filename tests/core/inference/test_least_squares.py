@@ -116,7 +116,7 @@ def test_a_central_difference_is_that_of_the_parabola_through_its_points(slope: 
 
 
 def test_of_a_change_that_is_far_too_large_a_shorter_step_counts() -> None:
-    column = Column(0, 0.5, 0.0, 1.0, 0.1, 0.0, visible=0.01)
+    column = Column(0, 0.5, 0.0, 1.0, 0.1, 0.0, visible=0.01, central=False)
     asked = []
     while column.wanted is not None:
         asked.append(column.wanted)
