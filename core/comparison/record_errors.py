@@ -10,6 +10,7 @@ import numpy as np
 
 from ..ageing.fade_band import CAPACITY
 from ..cell import TEMPERATURE
+from ..rms import rms
 from ..shape import shaped
 from ..signals import Signal
 from ..simulation import ExperimentRun, Outcome, SimulationFailure
@@ -83,7 +84,7 @@ def misfits(records: Sequence[RecordErrors]) -> dict[str, float]:
     for record in records:
         for name, error in record.signals.items():
             errors.setdefault(name, []).append(error.rms)
-    return {name: float(np.sqrt(np.mean(np.square(rms)))) for name, rms in errors.items()}
+    return {name: rms(np.array(values)) for name, values in errors.items()}
 
 
 def errors_of_record(task: Task, experiment: Experiment, run: ExperimentRun) -> RecordErrors:

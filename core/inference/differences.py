@@ -25,14 +25,8 @@ class Column:
     changed far more than is needed. At a knee of the voltage a percent of capacity changes it by hundreds of
     deviations, and a difference over that is off the slope by a fifth.
 
-    Parameters
-    ----------
-    slope : float
-        Norm of an older column, which sets the step; 0 if there is none.
-    visible : float
-        Norm of the change over which the slope is taken; 0 always takes the usual step.
-    central : bool
-        Whether both sides are wanted.
+    ``slope`` is the norm of an older column, which sets the step; 0 if there is none. ``visible`` is the norm of the
+    change over which the slope is taken; 0 always takes the usual step. ``central`` wants both sides.
     """
 
     def __init__(
@@ -54,7 +48,7 @@ class Column:
             self._step = max(visible / slope, self._smallest)
         self._central = central
         self._changes: dict[float, FloatArray] = {}  # By how far away.
-        self._failures = 0
+        self._has_failed = False
         self.wanted: float | None = None  # Where the coordinate is wanted next; None when nothing more is.
         self._begin(1.0 if upper - here >= here - lower else -1.0)
 
@@ -73,17 +67,17 @@ class Column:
     def take(self, change: FloatArray | None) -> None:
         """Note how the residuals changed; None for a simulation that failed."""
         assert self.wanted is not None
-        away = self.wanted - self._here
-        size = 0.0 if change is None else float(np.linalg.norm(change))
         if change is None:
-            self._failures += 1
-        else:
-            self._changes[away] = change
+            self._has_failed = True
+            self._next()
+            return
+        away, size = self.wanted - self._here, float(np.linalg.norm(change))
+        self._changes[away] = change
         if 0 < _FAR_TOO_LARGE * self._visible < size and self._step > self._smallest:
-            self._changes = {away: self._changes[away]}  # Until there is a better one.
+            self._changes = {away: change}  # Until there is a better one.
             self._step = max(self._step * self._visible / size, self._smallest)
             self._begin(float(np.sign(away)))
-        elif change is None or (self._central and len({away > 0 for away in self._changes}) == 1):
+        elif self._central and len({away > 0 for away in self._changes}) == 1:
             self._next()
         else:
             self.wanted = None
@@ -91,7 +85,7 @@ class Column:
     @property
     def failed(self) -> bool:
         """Whether simulations failed, and none ran that tells a slope."""
-        return self._failures > 0 and not self._changes
+        return self._has_failed and not self._changes
 
     @property
     def slope(self) -> FloatArray | None:

@@ -100,13 +100,13 @@ class Problem:
     @property
     def noise_v(self) -> float:
         """Noise of one sample of the fitted records, V."""
-        return _together(self.observations)
+        return rms(np.array([observed.noise for observed in self.observations]))
 
     @property
     def held_noise_v(self) -> float:
         """Noise of one sample of the data not fitted, V."""
         kept_back = [o for o, mask in zip(self.observations, self.fitted, strict=True) if not np.all(mask)]
-        return _together([*kept_back, *self.held_observations])
+        return rms(np.array([observed.noise for observed in (*kept_back, *self.held_observations)]))
 
     def side_by_side(self, actions: Sequence[Callable[[], T]]) -> list[T]:
         """What several actions return that wait for simulations of this problem; see `side_by_side`."""
@@ -325,8 +325,3 @@ def _held_turn(voltage: FloatArray, turn: NDArray[np.intp]) -> int:
     there = np.unique(turn)
     usual = _USUAL_TURN in there and shares[_USUAL_TURN] <= _FAIR
     return _USUAL_TURN if usual else int(there[np.argmin(np.abs(shares[there] - 1.0))])
-
-
-def _together(observations: Sequence[Observations]) -> float:
-    """Noise of one sample over some records, V."""
-    return float(np.sqrt(np.mean([observed.noise**2 for observed in observations])))
