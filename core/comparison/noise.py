@@ -33,19 +33,8 @@ def noise_of(record: Trajectory, signal: FloatArray, order: int = 2) -> float | 
     Repeated differences of evenly spaced neighbours remove any smooth curve; their median absolute deviation is
     not affected by the few that straddle an event. For white noise of deviation s a difference of order k has the
     deviation ``s sqrt(binomial(2k, k))``. Never below what the resolution of the instrument leaves (a step of q gives
-    ``q / sqrt(12)``).
+    ``q / sqrt(12)``). Higher orders see less of the curve where samples are far apart.
 
-    Parameters
-    ----------
-    record : Trajectory
-        Cut into steps.
-    signal : ndarray of shape (n,)
-        One of its signals.
-    order : int
-        How often neighbours are subtracted. Higher orders see less of the curve where samples are far apart.
-
-    Notes
-    -----
     Drive cycles are left out, also where nothing else is there: their voltage is rough by itself. Of the Panasonic
     18650PF the US06 cycle would tell 0.4 mV, ten times the noise that pulses and rests of the same cycler show.
     """

@@ -165,19 +165,15 @@ def identify(
 ) -> Identifiability:
     """Judge a fit by its Jacobian.
 
-    Parameters
-    ----------
-    jacobian : ndarray of shape (m, p)
-        Derivatives of the residuals in the unit box at the optimum.
-    residual : ndarray of shape (m,)
-        Residuals there.
-    noise : float
-        Standard deviation to assume, in tolerances, for example `effective_noise`.
-
-    Notes
-    -----
     The intervals are linear approximations (delta method) in the unit box, carried to the parameter's
     unit along its own scale. They take the model as right; where it is not, the values are off by more.
+
+    Parameters
+    ----------
+    jacobian, residual : ndarray of shapes (m, p) and (m,)
+        Residuals at the optimum, and their derivatives in the unit box.
+    noise : float
+        Standard deviation to assume, in tolerances, for example `effective_noise`.
     """
     covariance = covariance_of(jacobian, noise)
     factor = float(student.ppf(0.5 + _CONFIDENCE / 2, max(len(residual) - len(space), 1)))

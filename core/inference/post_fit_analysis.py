@@ -74,24 +74,11 @@ class PostFitAnalysis:
 def analyse(
     task: Task, trials: Sequence[Trial], best: Trial, plugins: Simulating, budget: int, priors: bool = False
 ) -> PostFitAnalysis | None:
-    """Judge the fit that a run ended with.
+    """Judge the fit that a run ended with; None if the best candidate did not run to its end.
 
-    Parameters
-    ----------
-    trials : sequence of Trial
-        Everything that was tried: finite differences near the best candidate are not simulated again.
-    plugins : Simulating
-        Simulates what is missing, side by side where it can.
-    budget : int
-        Simulations that it may take, as many as the search was allowed; some are made in any case. What the search left
-        of them may go to further records.
-    priors : bool
-        Whether the search weighed the priors of the search space.
-
-    Returns
-    -------
-    PostFitAnalysis or None
-        None if the best candidate did not run to its end.
+    ``trials`` are all that were tried: finite differences near the best candidate are not simulated again. It may take
+    ``budget`` simulations, as many as the search was allowed; some are made in any case. What the search left of them
+    may go to further records. ``priors`` is whether the search weighed the priors of the search space.
     """
     if best.residuals is None:
         return None

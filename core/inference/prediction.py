@@ -112,10 +112,7 @@ def encode_prediction(prediction: Prediction) -> dict[str, Any]:
 def decode_prediction(content: Mapping[str, Any]) -> Prediction:
     """The inverse of `encode_prediction`.
 
-    Raises
-    ------
-    ValueError, LookupError, TypeError or BsaError
-        If the content is of another shape.
+    Raises `ValueError`, `LookupError`, `TypeError` or `BsaError` if the content is of another shape.
     """
     known = {name: content[name] for name in RecordErrors.__dataclass_fields__ if name in content}
     curve = content["curve"]
@@ -139,19 +136,12 @@ def predict(
 ) -> tuple[Prediction, ...]:
     """Simulate records that were not fitted, and compare.
 
-    Parameters
-    ----------
-    draws : sequence of shape (n, p), optional
-        From the posterior of the fitted parameters in the unit box (`Identifiability.draws`). What they leave open is
-        what one more simulation at each of them shows.
-    misfits : mapping of str to float, optional
-        Root-mean-square error of the fitted records by signal, in its shown unit (`record_errors.misfits`). Parameters
-        and misfit are independent: the squares of what they add to a band's half width add up.
+    ``draws``, of shape (n, p), are from the posterior of the fitted parameters in the unit box
+    (`Identifiability.draws`): what they leave open is what one more simulation at each of them shows. ``misfits`` are
+    root-mean-square errors of the fitted records by signal, in its shown unit (`record_errors.misfits`). Parameters and
+    misfit are independent: the squares of what they add to a band's half width add up.
 
-    Raises
-    ------
-    BsaError
-        If the simulator knows the task alone.
+    Raises `BsaError` if the simulator knows the task alone.
     """
     misfits = misfits or {}
     chosen, spent = _meeting_beginnings(candidate, tuple(experiments), simulating)
