@@ -92,13 +92,12 @@ def ask(
         lost = isinstance(error, BackendFailure) and not isinstance(error, PromptRefused)
         return Ranking((), note=note, shown_as=shown, lost=lost)
     by_shown = {name: key for key, name in shown.items()}
-    ranked: list[Ranked] = []
+    reasons: dict[str, str] = {}
     rows = answer.get("ranking")
     for row in rows if isinstance(rows, list) else []:
-        if not isinstance(row, dict):
-            continue
-        key = by_shown.get(str(row.get("name", "")).strip())
-        if key is not None and key not in {r.key for r in ranked}:
-            ranked.append(Ranked(key, strip_control(str(row.get("reason", "")))[:_REASON_CHARS]))
+        key = by_shown.get(str(row.get("name", "")).strip()) if isinstance(row, dict) else None
+        if key is not None:
+            reasons.setdefault(key, strip_control(str(row.get("reason", "")))[:_REASON_CHARS])
+    ranked = tuple(Ranked(key, reason) for key, reason in list(reasons.items())[:5])
     analysis = strip_control(str(answer.get("analysis", "")))[:_ANALYSIS_CHARS]
-    return Ranking(tuple(ranked[:5]), analysis, "" if ranked else "the reply named no effect of the list", shown)
+    return Ranking(ranked, analysis, "" if ranked else "the reply named no effect of the list", shown)

@@ -6,7 +6,7 @@ own error.
 
 References
 ----------
-Kennedy & O'Hagan, J. R. Stat. Soc. B 63 (2001) 425. Jones, Schonlau & Welch, J. Global Optim. 13 (1998) 455.
+Jones, Schonlau & Welch, J. Global Optim. 13 (1998) 455; and those of `emulator`.
 """
 
 from __future__ import annotations

@@ -101,7 +101,7 @@ def analyse(
         found = not_narrower(found, straight, task.space)
     now = {name: found.intervals[name].share_of_range for name in task.space.names}
     found_next, forgone = suggestions(task, best, informed, noise, now, plugins, spent)
-    worst = max(found.intervals, key=lambda name: found.intervals[name].share_of_range)
+    worst = max(now, key=lambda name: now[name])
     moving = unsettled(informed, prior.residuals(weighed, centre, noise), noise, task.space.names, centre)
     fade = _fade_bands(task, residual, jacobian, found.covariance)
     return PostFitAnalysis(

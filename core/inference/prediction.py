@@ -224,39 +224,35 @@ def _spread(
     Of a whole life how far the capacities of its cycles move.
     """
     candidates = [candidate, *(task.space.from_unit(np.array(draw)) for draw in draws)]
-    here, *around = _simulated(candidates, experiments, simulating, False)
+    outcomes = _simulated(candidates, experiments, simulating, False)
     moves: list[dict[str, FloatArray]] = []
-    for place, (run, final) in enumerate(zip(here.runs, exact.runs, strict=True)):
-        others = [outcome.runs[place] for outcome in around if outcome.runs[place].failure is None]
-        if run.failure is not None or final.trajectory is None or not others:
-            moves.append({})
-        elif experiments[place].long:
-            fades = [_capacities(other, final) - _capacities(run, final) for other in others]
-            moves.append({CAPACITY: np.array(fades).T})
-        else:
-            time = final.trajectory.time
-            moves.append(
-                {
-                    signal.name: np.array([_at(time, other, signal) - _at(time, run, signal) for other in others]).T
-                    for signal in task.observed_in(final.trajectory)
-                }
-            )
+    for place, (experiment, final) in enumerate(zip(experiments, exact.runs, strict=True)):
+        fitted, *drawn = [_told(task, experiment, outcome.runs[place], final) for outcome in outcomes]
+        others = [other for other in drawn if other]
+        moved = {name: [other[name] - values for other in others] for name, values in fitted.items()}
+        moves.append({name: np.array(changes).T for name, changes in moved.items() if changes})
     return moves
+
+
+def _told(task: Task, experiment: Experiment, run: ExperimentRun, like: ExperimentRun) -> dict[str, FloatArray]:
+    """What a run shows of every observed signal on the samples of another one; nothing if one of them failed.
+
+    Of a whole life the capacities of its cycles, A.h; 0 where it has ended before.
+    """
+    ours, theirs = run.trajectory, like.trajectory
+    if run.failure is not None or ours is None or theirs is None:
+        return {}
+    if experiment.long:
+        assert ours.cycle_table is not None
+        assert theirs.cycle_table is not None
+        return {CAPACITY: np.nan_to_num(ours.cycle_table.at(theirs.cycle_table.cycle))}
+    signals = task.observed_in(theirs)
+    return {signal.name: np.interp(theirs.time, ours.time, ours.values(signal.name)) for signal in signals}
 
 
 def _student(draws: int) -> float:
     """Half a 95 % band in deviations, where so many draws tell the deviation."""
     return float(student.ppf(0.975, draws))
-
-
-def _capacities(run: ExperimentRun, like: ExperimentRun) -> FloatArray:
-    """Capacity of the cycles of another run, A.h; 0 where a life has ended before."""
-    assert run.trajectory is not None
-    assert like.trajectory is not None
-    ours, theirs = run.trajectory.cycle_table, like.trajectory.cycle_table
-    assert ours is not None
-    assert theirs is not None
-    return np.nan_to_num(ours.at(theirs.cycle))
 
 
 def _forecast(
@@ -292,11 +288,6 @@ def _forecast(
         NORMAL_95 * percent * scatter_ah,
     )
     return Prediction(errors, {CAPACITY: band}, whole.thinned(_SAMPLES_PER_STEP), spent, fade)
-
-
-def _at(time: FloatArray, run: ExperimentRun, signal: Signal) -> FloatArray:
-    assert run.trajectory is not None
-    return np.interp(time, run.trajectory.time, run.trajectory.values(signal.name))
 
 
 def _prediction(
