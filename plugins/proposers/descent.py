@@ -290,7 +290,7 @@ class Descent:
             tolerance=1.0 / freedom,
             enough=enough,
             emulates=True,
-            elsewhere=_ELSEWHERE if rms(residuals) > self._suspicious else 0.0,
+            elsewhere=_ELSEWHERE if start.misfit > self._suspicious else 0.0,
         )
         seen = [(trial.candidate, trial.residuals) for trial in self._told if trial.reduction is None]
         known = [(self._task.space.to_unit(there), found) for there, found in seen if found is not None]
