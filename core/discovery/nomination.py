@@ -101,7 +101,8 @@ def score_where_strong(fitter: Fitter, before: Explanation, nomination: Nominati
         found = fitter.residuals(nomination.effects)(starts)
         return [np.inf if r is None else float(r @ r) + fit.prior_cost - trusted_step(fit, r)[1] for r in found]
 
-    best, left = least([[one] for one in _strengths(nomination, _wanted_sign(nomination))], costs)
+    found = least([[one] for one in _strengths(nomination, _wanted_sign(nomination))], costs)
+    best, left = found
     gain = fit.cost - trusted_step(fit, fit.residual)[1] - left
     return known if best is None or gain <= known.gain else replace(known, amplitude=best, gain=gain)
 
