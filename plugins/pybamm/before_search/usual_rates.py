@@ -37,7 +37,7 @@ def unusual_rates(base: ParameterSource) -> dict[str, float]:
 def with_usual_rates(base: ParameterSource, unusual: Mapping[str, float]) -> ParameterFile:
     """The set with rates multiplied by their factors; see `unusual_rates`."""
     values = load(base)
-    bake(values, CellChange(factors=unusual))
+    bake(values, CellChange(factors=dict(unusual)))
     return ParameterFile(f"{base} with usual rates", "parameter-values", as_json(values))
 
 
