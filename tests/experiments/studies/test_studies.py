@@ -168,7 +168,7 @@ def test_recovery_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
         return ExperimentRun(record(candidate))
 
     monkeypatch.setattr(recovery, "reference_run", reference)
-    monkeypatch.setattr(recovery, "experiment_of", lambda case, charge, discharge: toy_task().experiments[0])
+    monkeypatch.setattr(recovery, "experiment_of", lambda case: toy_task().experiments[0])
     rows, plan = ran(study_grid("recovery", ALL, scaffolds("full"), RULES, 40), tmp_path)
     write_recovery(rows, plan.store, tmp_path / "out", CASES, say=lambda line: None)
     held = grouped(read_table(tmp_path / "out" / "held_out.csv"), "quality", "rate")
