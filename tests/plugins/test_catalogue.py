@@ -21,8 +21,8 @@ from bsa.testing import (
     sample_task,
 )
 
-HEAVY = {"bo", "qnehvi"}
-"""These load torch and fit a Gaussian process."""
+HEAVY = {"bo", "qnehvi", "overlay"}
+"""Two load torch and fit a Gaussian process; one draws a picture of every simulation."""
 
 
 def own(kind: Kind) -> list[Any]:

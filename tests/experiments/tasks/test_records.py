@@ -358,6 +358,7 @@ def test_without_a_slow_record_a_discharge_at_1c_tells_the_set_and_a_note_says_s
     )
 
 
+@pytest.mark.slow
 def test_that_no_published_potentials_come_near_is_said() -> None:
     slow = slow_discharge()
     titanate = replace(slow, trajectory=slow.trajectory.changed(voltage=slow.trajectory.voltage - 1.5))

@@ -112,6 +112,7 @@ def test_an_unknown_set_and_a_record_faster_than_1c_are_refused() -> None:
     assert open_circuit_curve([fast]) is None
 
 
+@pytest.mark.slow
 def test_without_a_slow_record_a_faster_one_tells_and_says_so() -> None:
     record = slow("Ecker2015", 0.06)
     fast = record.changed(time=record.time / 20.0)

@@ -73,6 +73,7 @@ def test_mesh_and_tolerances_can_be_checked(model, request_of):
     assert 0 < np.max(np.abs(usual - fine)) < 0.01
 
 
+@pytest.mark.slow
 def test_one_compiled_model_serves_several_records_as_models_of_their_own_do(request_of, slower, monkeypatch):
     warm = MeasuredRecord("c", request_of.measured_record.record, 308.15)
     second = slower.measured_record

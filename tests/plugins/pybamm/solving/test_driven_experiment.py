@@ -63,6 +63,7 @@ def test_a_cell_that_starts_warm_cools_to_what_is_around_it() -> None:
     assert run.trajectory.temperature[[0, -1]] == pytest.approx([308.15, 298.15], abs=0.1)
 
 
+@pytest.mark.slow
 def test_an_offset_is_added_wherever_a_current_passes() -> None:
     record = discharge(1.0, hours=0.5)
     name = "Current offset: r [A]"
