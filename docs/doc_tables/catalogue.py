@@ -55,6 +55,7 @@ TABLES: dict[str, Callable[[Results], str]] = {
     "discovery-sensitivity": discovery.sensitivity,
     "measured-cells": discovery.measured_cells,
     **real_cells.TABLES,
+    "begun-elsewhere": published.begun_elsewhere,
     "low-fidelity": published.led_and_alone,
     "published-led": published.led,
 }

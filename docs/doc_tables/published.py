@@ -103,6 +103,23 @@ def led(results: Results) -> str:
     return results.framed("published_led", markdown_table(heads, lines), "\n".join(remarks))
 
 
+def begun_elsewhere(results: Results) -> str:
+    """Tasks that were far off after 20 simulations, again where the low-fidelity model begins elsewhere too."""
+    rows, earlier = results.rows("begun_elsewhere"), {row["task"]: row for row in results.rows("published_led")}
+
+    def beside(row: Row, name: str, form: Callable[[float], str] = brief) -> str:
+        return f"{form(earlier[row['task']][name])} → {form(row[name])}"
+
+    columns: dict[str, Entry] = {
+        "task": lambda row: f"{row['task']} ({row['chemistry']} {row['rates']})",
+        f"after {EARLY} / %": lambda row: beside(row, "early_objective"),
+        "at the end / %": lambda row: beside(row, "mape"),
+        "simulations": lambda row: beside(row, "simulations", "{:.0f}".format),
+        "low-fidelity simulations": lambda row: beside(row, "low_fidelity_simulations", "{:.0f}".format),
+    }
+    return results.framed("begun_elsewhere", table_of(rows, columns))
+
+
 def _median(errors: Sequence[float]) -> str:
     return brief(float(np.median(errors)))
 

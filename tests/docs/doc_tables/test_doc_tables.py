@@ -308,6 +308,15 @@ def test_a_low_fidelity_model_is_told_with_the_tasks_that_lose_by_it(made):
     assert "Larger error with it: a (0.2 and 0.1 %)." in text
 
 
+def test_tasks_that_begin_elsewhere_stand_beside_their_earlier_rows(made):
+    def row(early, mape, simulations):
+        own = {"task": "extreme-1", "chemistry": "Chen2020", "rates": "1C/2C", "simulations": simulations}
+        return {**own, "early_objective": early, "mape": mape, "low_fidelity_simulations": 2 * simulations}
+
+    text = made("begun-elsewhere", published_led=[row(40.0, 0.3, 32)], begun_elsewhere=[row(0.02, 0.01, 3)])
+    assert "| extreme-1 (Chen2020 1C/2C) | 40.0 → 0.02 | 0.3 → 0.01 | 32 → 3 | 64 → 6 |" in text
+
+
 def record(cell, name, role, rms_mv, rms_k=0.5):
     return {"cell": cell, "record": name, "role": role, "rms_mv": rms_mv, "rms_99_mv": rms_mv / 2, "rms_k": rms_k}
 
