@@ -58,6 +58,11 @@ class Box:
         """The unit box, without priors (see `ParameterSpace.to_unit`)."""
         return cls(np.zeros(count), np.ones(count), np.zeros(count))
 
+    def beside(self, point: FloatArray, far: float) -> list[FloatArray]:
+        """Points inside the bounds that differ from one in a single coordinate, by so much to either side."""
+        steps = far * np.eye(len(point))
+        return [np.clip(point + step, self.lower, self.upper) for step in (*steps, *-steps)]
+
     def cost(self, point: FloatArray, residual: FloatArray) -> float:
         """Sum of squares of the residuals at a point, the price of departing from the prior included."""
         departure = self.prior * point

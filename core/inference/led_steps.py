@@ -98,8 +98,8 @@ class LedSteps(GuidedSteps):
 
         Far from the record a slope may have the wrong sign, as where a step of the protocol has vanished.
         """
-        steps = self._settings.elsewhere * np.eye(len(point))[self._free]
-        starts = [np.clip(point + step, box.lower, box.upper) for step in (*steps, *-steps)]
+        beside = box.beside(point, self._settings.elsewhere)
+        starts = [start for start, moves in zip(beside, np.tile(self._free, 2), strict=True) if moves]
         seen = zip(starts, self._model.corrected(starts), strict=True)
         ran = [(start, residual) for start, residual in seen if residual is not None]
         if not ran:

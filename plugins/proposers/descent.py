@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field
 
 from ...core.comparison.residuals import noise_of_residuals
 from ...core.hooks import LowFidelityResiduals
-from ...core.inference.fit_settings import Settings
+from ...core.inference.fit_settings import Box, Settings
 from ...core.inference.least_squares import LeastSquares
 from ...core.inference.low_fidelity import LowFidelity
 from ...core.parameters import Candidate
@@ -345,8 +345,7 @@ class Descent:
         if self._promising:
             return self._begin_at(self._promising.pop(0)).ask(planning_budget)
         origin = self._task.space.to_unit(self._first_start)
-        far = _ELSEWHERE * np.eye(len(origin))
-        points = [np.clip(origin + step, 0.0, 1.0) for step in (*far, *-far)]
+        points = Box.unit(len(origin)).beside(origin, _ELSEWHERE)
         self._polled = [point for point in points if not np.array_equal(point, origin)]
         return self._polled
 
