@@ -8,6 +8,11 @@ from bsa.experiments.discovery_bench.hidden_physics import EFFECTS
 from bsa.experiments.discovery_bench.protocols import Step
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _simulated_here(simulated_here: None) -> None:
+    """Every process would import PyBaMM and compile the models anew; commands that tests start have processes."""
+
+
 @pytest.fixture
 def resistive_cell() -> pd.DataFrame:
     """Half an hour at 1C and a pulse at 2C, of a cell whose contacts have 20 mohm; discharge is positive."""

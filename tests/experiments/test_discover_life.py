@@ -264,7 +264,6 @@ def test_an_effect_that_cannot_be_built_costs_only_itself(short_life: Path) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("simulated_here")
 @pytest.mark.parametrize("case", ["diffusion", "resistance"])
 def test_the_hidden_mechanism_is_named(case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In 24 cycles without rests."""

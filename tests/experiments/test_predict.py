@@ -21,8 +21,6 @@ from bsa.plugins.pybamm.modelling.resolution import REFERENCE
 from bsa.plugins.pybamm.solving.experiment_kinds import solve_reference
 from typer.testing import CliRunner
 
-pytestmark = pytest.mark.usefixtures("simulated_here")
-
 RADIUS = "Positive particle radius [m]"
 TRUE = {"values": {RADIUS: 9e-6}}
 
@@ -46,7 +44,7 @@ def measured(c_rate: float, minutes: int, start: float = 0.0) -> pandas.DataFram
 
 
 @pytest.fixture(scope="module")
-def fitted(tmp_path_factory, simulated_here):
+def fitted(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs") / "run"
     return bsa.calibrate(
         measured(1.0, 20),

@@ -55,7 +55,7 @@ def once(plan) -> None:
 
 @pytest.mark.slow
 def test_two_workers_five_times_killed_find_the_same(make_plan, cluster):
-    settings = {"tasks": 6, "seeds": [1, 2], "rounds": 10, "simulations": 14}
+    settings = {"tasks": 3, "seeds": [1, 2], "rounds": 10, "simulations": 14}
     here, there, rough = (make_plan(store=name, **settings) for name in ("here", "there", "rough"))
     run_cells(here.cells, here.store, Here(), Quiet())
     pool = DaskPool(cluster.scheduler_address)
@@ -73,7 +73,7 @@ def test_two_workers_five_times_killed_find_the_same(make_plan, cluster):
             # A worker killed while it starts takes its nanny with it: Dask then has no one to start it again.
             pids = [nanny.pid for nanny in cluster.workers.values() if nanny.process.status == Status.running]
             # Only while work is under way, and not all of it done before the next blow.
-            if pids and len(list(rough.store.root.glob("cells/*/result.json"))) >= 3 * len(killed):
+            if pids and len(list(rough.store.root.glob("cells/*/result.json"))) >= 2 * len(killed):
                 pid = choose.choice(pids)
                 os.kill(pid, signal.SIGKILL)
                 killed.append(pid)

@@ -16,8 +16,6 @@ from bsa.experiments.tasks import demo_record
 from bsa.experiments.tasks.task_file import TaskFile
 from typer.testing import CliRunner
 
-pytestmark = pytest.mark.usefixtures("simulated_here")
-
 DEMO = Path(demo_record.__file__).parent / "packaged"
 
 

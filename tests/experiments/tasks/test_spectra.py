@@ -22,8 +22,6 @@ from bsa.plugins.pybamm.modelling.resolution import REFERENCE
 from bsa.plugins.pybamm.solving.experiment_kinds import solve_reference
 from typer.testing import CliRunner
 
-pytestmark = pytest.mark.usefixtures("simulated_here")
-
 CONTACT = "Contact resistance [Ohm]"
 EXCHANGE = "Negative electrode exchange-current density [A.m-2] factor"
 CAPACITIES = [f"{which} electrode double-layer capacity [F.m-2]" for which in ("Negative", "Positive")]
@@ -88,7 +86,7 @@ SETTINGS = {
 
 
 @pytest.fixture(scope="module")
-def fitted(files, tmp_path_factory, simulated_here):
+def fitted(files, tmp_path_factory):
     return bsa.calibrate(
         files["half"],
         holdout=files["low"],
