@@ -71,7 +71,7 @@ residuals at the start of a published task, in tolerances (rms), and time of a s
 
 DRIVEN_LOW_FIDELITY = Resolution(points=6)
 """That of a measured current, where nothing but the voltage depends on the mesh: a third of the points in every domain,
-in a quarter to a half of the time. With all of those in the particles the error changes by an eighth at most (fits of
+in a quarter to a half of the time. With all of those in the particles the error changes by a sixth at most (fits of
 three measured cells). Under a protocol, where a step ends when the salt runs out, fits need more simulations of the
 full model with so few."""
 
