@@ -321,7 +321,7 @@ def test_a_resumed_discovery_names_the_file_that_has_changed(tmp_path):
 def test_a_hidden_resistance_is_found_from_files(tmp_path):
     (resistance,) = (effect for effect in EFFECTS if effect.key == "contact-resistance")
     shifts = {"Positive particle diffusivity [m2.s-1]": 1.3, "Negative particle radius [m]": 1.1}
-    hidden = Hidden("Chen2020", "SPMe", (resistance,), {resistance.strength: 0.02}, shifts)
+    hidden = Hidden("Chen2020", "SPM", (resistance,), {resistance.strength: 0.02}, shifts)
     rng = np.random.default_rng(8)
     steps = [Step(0.0, 200.0), Step(1.0, 1500.0), Step(0.0, 900.0), Step(2.0, 60.0, period=2.0), Step(0.0, 300.0)]
     steps += [Step(0.3, 1500.0), Step(0.0, 600.0)]
@@ -331,7 +331,7 @@ def test_a_hidden_resistance_is_found_from_files(tmp_path):
         data=[tmp_path / "a.csv"],
         holdout=[tmp_path / "held.csv"],
         parameters="Chen2020",
-        model="SPMe",
+        model="SPM",
         ambient_c=25.0,
         scale=False,
         effects=["contact-resistance", "voltage-offset"],

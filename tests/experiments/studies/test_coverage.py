@@ -75,7 +75,7 @@ def test_a_sampled_record_keeps_the_ends_of_its_steps() -> None:
 
 @pytest.mark.slow
 def test_a_drawn_task_is_fitted_to_its_noise_and_judged(tmp_path: Path) -> None:
-    row = coverage.one_task(tmp_path, 1234, 0, "SPMe", 20, 100)
+    row = coverage.one_task(tmp_path, 1234, 0, "SPM", 20, 100)
     # Nine parameters, and three voltages: what the parameters leave open, and with what the fit is off by.
     assert len(row["rows"]) == 9 + 2 * 3
     grades = {"fixed", "loose", "open", "voltage", "voltage, with misfit"}
@@ -86,4 +86,4 @@ def test_a_drawn_task_is_fitted_to_its_noise_and_judged(tmp_path: Path) -> None:
     }
     assert np.all(np.array(halves["voltage, with misfit"]) > np.array(halves["voltage"]))
     assert coverage.excesses(row["rows"])[0] < 0.1
-    assert coverage.draw(1234, 0, "SPMe", 20).truth == coverage.draw(1234, 0, "SPMe", 20).truth
+    assert coverage.draw(1234, 0, "SPM", 20).truth == coverage.draw(1234, 0, "SPM", 20).truth
