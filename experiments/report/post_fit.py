@@ -97,9 +97,18 @@ def _doubt(analysis: PostFitAnalysis, ended: bool) -> str:
             f"{'is' if len(apart) == 1 else 'are'} outside. {'A' if ended else 'More simulations, or a'} run that "
             "begins elsewhere may come nearer."
         )
-    if analysis.widened > 1.0:
+    if _widened(analysis):
         return "The analysis stopped before its sample converged, so intervals are wider than the record's."
     return ""
+
+
+def _widened(analysis: PostFitAnalysis) -> bool:
+    """Whether the intervals were widened by so much that it shows; draws nearly as predicted add nothing."""
+    return _factor(analysis) != number(1.0)
+
+
+def _factor(analysis: PostFitAnalysis) -> str:
+    return number(analysis.widened, 2)
 
 
 def _named_or_counted(names: Sequence[str], analysis: PostFitAnalysis) -> str:
@@ -108,12 +117,12 @@ def _named_or_counted(names: Sequence[str], analysis: PostFitAnalysis) -> str:
 
 
 def caution_line(analysis: PostFitAnalysis) -> str:
-    """What the analysis did where its sample did not converge; empty if it did."""
-    if analysis.widened <= 1.0:
+    """What the analysis did where its sample did not converge; empty if it did, or if that made no difference."""
+    if not _widened(analysis):
         return ""
     # Beside a fit that has not settled, an interval as wide as a linear estimate is no wider than it should be.
     wide = "" if analysis.unsettled else ", and every interval is at least as wide as a linear estimate"
-    allowed = f"to allow for that, the assumed noise was multiplied by {number(analysis.widened, 2)}{wide}."
+    allowed = f"to allow for that, the assumed noise was multiplied by {_factor(analysis)}{wide}."
     if not analysis.cut_short:
         return (
             f"After {analysis.simulations} simulations of the analysis, as many as it makes, draws of the parameters "
@@ -136,7 +145,7 @@ def ended_by_itself(status: str, lacking: str) -> bool:
 def needs_more(analysis: PostFitAnalysis, ended: bool = False) -> bool:
     """Whether more simulations would tell more than an analysis could; ``ended`` as for `verdict_line`."""
     near = not (analysis.unsettled or analysis.identifiability.apart)
-    cut_short = analysis.widened > 1.0 and analysis.cut_short
+    cut_short = _widened(analysis) and analysis.cut_short
     return bool(not (near or ended) or cut_short or analysis.forgone)
 
 

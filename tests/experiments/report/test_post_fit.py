@@ -72,6 +72,14 @@ def test_an_analysis_that_did_not_converge_is_no_fact_about_the_record(verdicts:
     assert "With them the record fixes" in line
 
 
+@pytest.mark.parametrize(("widened", "said"), [(1.0, False), (1.005, False), (1.06, True), (44.0, True)])
+def test_nothing_is_said_of_a_sample_that_was_widened_by_less_than_is_shown(widened: float, said: bool) -> None:
+    found = replace(judged({"a": "fixed"}), widened=widened, simulations=22, budget=3)
+    assert verdict_line(found).startswith("The record fixes 1 of 1") != said
+    assert bool(caution_line(found)) == said
+    assert needs_more(found) == said
+
+
 def test_where_the_fit_has_not_settled_intervals_say_little_in_either_direction() -> None:
     both = replace(judged({"a": "open"}), widened=44.0, unsettled=("a",), simulations=22, budget=3)
     first = "The fit has not settled: a would move by more than the interval with another step"
