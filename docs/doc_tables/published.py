@@ -104,7 +104,7 @@ def led(results: Results) -> str:
 
 
 def begun_elsewhere(results: Results) -> str:
-    """Tasks that were far off after 20 simulations, again where the low-fidelity model begins elsewhere too."""
+    """Tasks that were far off after 20 simulations, again by a later version of the low-fidelity model."""
     rows, earlier = results.rows("begun_elsewhere"), {row["task"]: row for row in results.rows("published_led")}
 
     def beside(row: Row, name: str, form: Callable[[float], str] = brief) -> str:

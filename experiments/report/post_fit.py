@@ -103,12 +103,8 @@ def _doubt(analysis: PostFitAnalysis, ended: bool) -> str:
 
 
 def _widened(analysis: PostFitAnalysis) -> bool:
-    """Whether the intervals were widened by so much that it shows; draws nearly as predicted add nothing."""
-    return _factor(analysis) != number(1.0)
-
-
-def _factor(analysis: PostFitAnalysis) -> str:
-    return number(analysis.widened, 2)
+    """Whether the intervals were widened by so much that the factor, told to two digits, is more than 1."""
+    return round(analysis.widened, 1) > 1.0
 
 
 def _named_or_counted(names: Sequence[str], analysis: PostFitAnalysis) -> str:
@@ -122,7 +118,7 @@ def caution_line(analysis: PostFitAnalysis) -> str:
         return ""
     # Beside a fit that has not settled, an interval as wide as a linear estimate is no wider than it should be.
     wide = "" if analysis.unsettled else ", and every interval is at least as wide as a linear estimate"
-    allowed = f"to allow for that, the assumed noise was multiplied by {_factor(analysis)}{wide}."
+    allowed = f"to allow for that, the assumed noise was multiplied by {number(analysis.widened, 2)}{wide}."
     if not analysis.cut_short:
         return (
             f"After {analysis.simulations} simulations of the analysis, as many as it makes, draws of the parameters "

@@ -56,7 +56,7 @@ class Resolution:
 
 
 SEARCH = Resolution()
-LOW_FIDELITY = Resolution(points=10, radial_points=20)
+LOW_FIDELITY = Resolution(points=10, radial_points=_USUAL_POINTS)
 """Half of PyBaMM's points, but all of those in the particles: a fit of such a model leads a fit of the one it stands
 for. A particle's points decide when its surface is full or empty, and with that when a step ends. Error of the
 residuals at the start of a published task, in tolerances (rms), and time of a simulation in that of the full model:
