@@ -6,6 +6,7 @@ import itertools
 import os
 import signal
 import textwrap
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -76,13 +77,16 @@ class HerePool:
     ) -> None:
         self._service, self._watch = service, watch
         self._prepared = False
+        self._lock = threading.Lock()  # A process has one job at a time.
 
     def run(self, jobs: Sequence[Any], allowance: float = 1.0) -> Iterator[tuple[int, Any]]:
-        if not self._prepared:
-            self._service.prepare()
-            self._prepared = True
         for place, job in enumerate(jobs):
-            yield place, self._service.work(job, lambda report: self._watch([report]))
+            with self._lock:
+                if not self._prepared:
+                    self._service.prepare()
+                    self._prepared = True
+                found = self._service.work(job, lambda report: self._watch([report]))
+            yield place, found
 
     def close(self) -> None:
         pass

@@ -1,5 +1,6 @@
 """PyBaMM's integrator, whose answers do not depend on what it solved before."""
 
+import threading
 import time
 from typing import Any
 
@@ -8,6 +9,8 @@ from .machine_code import MachineCode
 from .sparse_jacobian import sparse_jacobian
 
 _COMPILED = pybamm.solvers.idaklu_solver.idaklu
+_make_solvers, _read_function = _COMPILED.create_casadi_solver_group, _COMPILED.generate_function
+_SETTING_UP = threading.Lock()  # While an integrator is set up, PyBaMM calls other functions than these two.
 
 _CALLED_OFTEN = ("rhs_alg", "jac_times_cjmass", "mass_action", "events", "alg_res", "alg_jac")
 """The functions that an integration calls, beside the output variables; the others are for sensitivities."""
@@ -29,11 +32,10 @@ class FreshIntegrator(pybamm.IDAKLUSolver):  # type: ignore[misc]
 
     def set_up(self, model: Any, *arguments: Any, **how: Any) -> Any:
         """See `pybamm.BaseSolver.set_up`; notes what PyBaMM makes the compiled integrator of."""
-        make, convert = _COMPILED.create_casadi_solver_group, _COMPILED.generate_function
         texts: dict[int, str] = {}
 
         def converted(text: str) -> Any:
-            function = convert(text)
+            function = _read_function(text)
             texts[id(function)] = text
             return function
 
@@ -41,23 +43,24 @@ class FreshIntegrator(pybamm.IDAKLUSolver):  # type: ignore[misc]
             self._parts = parts
             functions = [*(parts[name] for name in _CALLED_OFTEN), *parts["var_fcns"]]
             self._code = MachineCode([texts[id(function)] for function in functions])
-            return make(**parts)
+            return _make_solvers(**parts)
 
-        _COMPILED.create_casadi_solver_group, _COMPILED.generate_function = noted, converted
         if not model.switching_control_variables:  # Those PyBaMM differentiates in a way of their own.
             model.build_casadi_jacobian = sparse_jacobian
-        try:
-            return super().set_up(model, *arguments, **how)
-        finally:
-            _COMPILED.create_casadi_solver_group, _COMPILED.generate_function = make, convert
-            vars(model).pop("build_casadi_jacobian", None)
+        with _SETTING_UP:
+            _COMPILED.create_casadi_solver_group, _COMPILED.generate_function = noted, converted
+            try:
+                return super().set_up(model, *arguments, **how)
+            finally:
+                _COMPILED.create_casadi_solver_group, _COMPILED.generate_function = _make_solvers, _read_function
+                vars(model).pop("build_casadi_jacobian", None)
 
     def _integrate(self, *arguments: Any, **how: Any) -> Any:
-        made = self._code.made(_COMPILED.generate_function)
+        made = self._code.made(_read_function)
         if made is not None:
             count = len(_CALLED_OFTEN)
             self._parts |= {**dict(zip(_CALLED_OFTEN, made, strict=False)), "var_fcns": made[count:]}
-        self._setup["solver"] = _COMPILED.create_casadi_solver_group(**self._parts)
+        self._setup["solver"] = _make_solvers(**self._parts)
         start = time.perf_counter()
         try:
             return super()._integrate(*arguments, **how)

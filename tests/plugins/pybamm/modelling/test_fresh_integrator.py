@@ -1,5 +1,7 @@
 """An answer does not depend on what was solved before."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from bsa.core.task import CellModel
@@ -21,3 +23,18 @@ def test_a_cell_that_ran_empty_leaves_no_trace_in_later_solves(rest_then_dischar
     cell.solve({strength: 3.0}, time, record.current, soc=0.05)
     after = cell.solve({strength: 0.5}, time, record.current, soc=0.95)
     np.testing.assert_array_equal(before.voltage, after.voltage)
+
+
+def test_integrators_of_two_threads_are_set_up_side_by_side(rest_then_discharge):
+    time = np.arange(0.0, 1200.0, 60.0)
+    record = rest_then_discharge(time, 60.0, 5.0)
+
+    def solved(name):
+        cell = DrivenCell(CellModel(name, "SPM"), (), record, {}, Start(temperature_k=298.15))
+        return cell.solve({}, time, record.current, soc=0.9).voltage
+
+    names = ["Chen2020", "Marquis2019"] * 3
+    alone = {name: solved(name) for name in set(names)}
+    with ThreadPoolExecutor(2) as threads:
+        for name, voltage in zip(names, threads.map(solved, names), strict=True):
+            np.testing.assert_array_equal(voltage, alone[name])
