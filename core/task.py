@@ -37,7 +37,7 @@ class ParameterFile:
         return self.name
 
 
-Weight = Literal["uniform", "robust", "knee"]
+Weight = Literal["uniform", "robust"]
 """How errors count: by their square, or large ones by their order of magnitude."""
 
 NEAREST = "nearest"
@@ -159,9 +159,9 @@ class Task:
         The simulator that the task is made for; empty leaves it to the scaffold.
     held_out : tuple of Experiment
         Records that are not fitted; the best candidate is scored on them after the search.
-    weight : {'uniform', 'robust', 'knee'}
+    weight : {'uniform', 'robust'}
         How the errors of the signals count in a fit: ``"robust"`` keeps the knee at the end of a discharge, or
-        whatever else is far off for a short time, from deciding it; with ``"knee"`` it counts by all of its error.
+        whatever else is far off for a short time, from deciding it.
     """
 
     name: str

@@ -8,11 +8,6 @@ from ..core.run.answer import answer, most_probable
 from ..core.task import Task
 from ..core.trial import Trial
 
-_KNEE = (
-    " Only the means over parts of the steps come nearer: the end of a discharge is too early or too late. With "
-    "--weight knee it counts by all of its error."
-)
-
 
 def offered_notes(task: Task, trials: Sequence[Trial]) -> Iterator[str]:
     """A sentence about each effect that the task offers and some of its trials have."""
@@ -26,9 +21,7 @@ def offered_notes(task: Task, trials: Sequence[Trial]) -> Iterator[str]:
         other = most_probable(task, [trial for trial in trials if effect in absent_effects(task, trial.candidate)])
         more = counted(len(parameters), "more parameter")
         misfits = f"misfit {best.misfit:.3g} tolerances with {more}, {other.misfit:.3g} without"
-        if effect not in left_out:
-            yield f"The effect {effect} is in the model: the fit with it is more probable ({misfits})."
-        elif most_probable(task, [other, best]) is best and task.weight == "uniform":
-            yield f"The effect {effect} was tried and left out: its voltage error is larger ({misfits}).{_KNEE}"
+        if effect in left_out:
+            yield f"The effect {effect} was tried and left out: the fit with it is not more probable ({misfits})."
         else:
-            yield f"The effect {effect} was tried and left out: the fit with it is not better ({misfits})."
+            yield f"The effect {effect} is in the model: the fit with it is more probable ({misfits})."

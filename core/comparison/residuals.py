@@ -17,7 +17,7 @@ from ..trajectory import FloatArray, Step, StepKind, Trajectory
 from .alignment import StepPair, at_fractions, pair_steps
 from .noise import noise_of
 from .robust_loss import robust
-from .step_parts import OSCILLATING, StepParts, count_of_parts, step_parts
+from .step_parts import OSCILLATING, count_of_parts, step_parts
 
 DURATION_TOLERANCE = 1e-3
 """Tolerance of a step's duration, as a share of it."""
@@ -166,7 +166,7 @@ def noise_of_residuals(task: Task) -> FloatArray:
 def _kept_of_noise(task: Task, pair: StepPair, experiment: Experiment) -> FloatArray:
     """Deviations of a driven step's residuals in units of those that a mismatch of the noise of one sample gives."""
     signals = task.compared(pair.step.kind, experiment)
-    return np.concatenate([pair.kept_of_noise(_parts(task, pair, signal).fractions) for signal in signals])
+    return np.concatenate([pair.kept_of_noise(step_parts(pair, signal).fractions) for signal in signals])
 
 
 def _finished(pairs: list[StepPair], run: ExperimentRun) -> int:
@@ -235,7 +235,7 @@ def _driven(task: Task, pairs: list[StepPair], experiment: Experiment) -> list[F
     for pair, duration in zip(pairs, durations, strict=True):
         curves = []
         for signal in task.compared(pair.step.kind, experiment):
-            part = _parts(task, pair, signal)
+            part = step_parts(pair, signal)
             weights = np.sqrt(duration / total * each[signal.name] * part.weights)
             mismatch = _mismatch(task, pair, signal, experiment, part.fractions.ravel()).reshape(part.fractions.shape)
             if pair.step.kind is StepKind.PULSE:
@@ -254,10 +254,6 @@ def _wider(pair: StepPair, signal: Signal, experiment: Experiment, fractions: Fl
     measured = at_fractions(pair.measured, pair.measured.values(signal.name), fractions)
     tolerance = tolerance_at(signal, np.abs(measured), experiment)
     return np.asarray(np.hypot(1.0, _SHARE_OF_CHANGE * (measured - before) / tolerance))
-
-
-def _parts(task: Task, pair: StepPair, signal: Signal) -> StepParts:
-    return step_parts(pair, signal, knees=task.weight == "knee")
 
 
 def _tells_of_the_cell(signal: Signal, pair: StepPair, ends: FloatArray) -> NDArray[np.bool_]:
@@ -412,7 +408,7 @@ def rows_of(task: Task) -> ResidualRows:
             place = record.steps.index(pair.step)
             for signal in task.compared(pair.step.kind, experiment):
                 if experiment.protocol is None:
-                    fractions = _parts(task, pair, signal).fractions.mean(axis=1)
+                    fractions = step_parts(pair, signal).fractions.mean(axis=1)
                 else:
                     fractions = (np.arange(_points(signal)) + 0.5) / _points(signal)
                 times = pair.measured.duration * fractions

@@ -13,7 +13,7 @@ _PARTS = 40
 """Parts of a step under a measured drive, where steps are few and long."""
 
 _BY_CHANGE = 0.2
-"""Share that the change of the signal has in the length of a part where knees are to count; the rest is its duration.
+"""Share that the change of the signal has in the length of a part; the rest is its duration.
 By duration alone the last part of a discharge at 1C is 90 s long, and in its mean a knee that is 180 mV off one way and
 40 mV off the other counts as 5 mV. With 0.5 knees are fitted no better (CALCE CS2_35 8.8 mV with both), and what lies
 between them is worse (NASA B0005 10.1 mV in place of 6.0)."""
@@ -54,12 +54,12 @@ class StepParts:
     weights: FloatArray  # Shares of the step's sum of squares that they have; shape (n,).
 
 
-def step_parts(pair: StepPair, signal: Signal, knees: bool = False) -> StepParts:
+def step_parts(pair: StepPair, signal: Signal) -> StepParts:
     """The parts of a step for a signal.
 
-    They are equally long, and errors of either sign within one cancel: a knee that is a little early or late counts for
-    little. Where ``knees`` are to count by all of their error, the parts are equally long on the curve of the signal,
-    by duration and change together: a knee is then in many parts and a plateau in few, and each counts by its duration.
+    They are equally long on the curve of the signal, by duration and change together: the knee at the end of a
+    discharge is in many parts and a plateau in few. Each counts by its duration, so that the sum of squares is an
+    integral over time. In parts of equal duration, errors of either sign within a knee would cancel.
     Those of a pulse are equally long on a logarithmic clock, from its first sample on, and count the same: what is
     ohmic, kinetic or diffusion shows in another decade, and in parts of equal length the last decade would hold nine
     tenths of them. What swings, the signal of an oscillator or of a cell under a drive cycle, would average out: each
@@ -70,10 +70,10 @@ def step_parts(pair: StepPair, signal: Signal, knees: bool = False) -> StepParts
     swings = signal.oscillates or pair.step.kind is StepKind.DRIVE
     if pulse:
         ends = _ends_of_a_pulse(pair, count)
-    elif knees and not swings and pair.step.kind is not StepKind.SPECTRUM:
-        ends = _ends_on_the_curve(pair, signal, count)
-    else:
+    elif swings or pair.step.kind is StepKind.SPECTRUM:
         ends = _equal(count)
+    else:
+        ends = _ends_on_the_curve(pair, signal, count)
     starts = np.append(0.0, ends[:-1])
     # As many points in each as the longest one has samples.
     samples = math.ceil(len(pair.measured) * float(np.max(ends - starts)) - _ROUNDING)

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..comparison.residuals import noise_of_residuals
-from ..comparison.signal_metrics import voltage_rmse_mv
 from ..offered_effects import added_parameters
 from ..prior import Prior
 from ..rms import rms
@@ -31,7 +30,7 @@ def answer(task: Task, trials: Sequence[Trial]) -> Trial:
     time. There the trial with the least product of misfit and score is reported.
     """
     if task.given_drive:
-        return _with_effects_worth_it(task, trials)
+        return most_probable(task, trials)
     best = likeliest(trials)
     if not weighs_score(task, best):
         return best
@@ -40,35 +39,8 @@ def answer(task: Task, trials: Sequence[Trial]) -> Trial:
 
 def most_probable(task: Task, trials: Sequence[Trial]) -> Trial:
     """The trial with the highest posterior density, the parameters of effects that the search has added counted."""
-    return _most_probable_first(task, trials)[0]
-
-
-def _most_probable_first(task: Task, trials: Sequence[Trial]) -> list[Trial]:
     prior = Prior.of(task.space)
-    return sorted(trials, key=lambda trial: (_improbability(task, prior, trial), trial.objective))
-
-
-def _with_effects_worth_it(task: Task, trials: Sequence[Trial]) -> Trial:
-    """The most probable trial of those whose added effects lower the voltage error too.
-
-    The error of a trial with fewer of these effects, the most probable one of the less probable ones, must not be
-    smaller. Residuals are means over parts of the steps. A fit with more parameters may bring the mean over the last
-    minute of a discharge to zero, by a knee that is off one way and then the other.
-    """
-    first, *others = _most_probable_first(task, trials)
-    while others:
-        added = set(added_parameters(task, first.candidate))
-        simpler = (trial for trial in others if set(added_parameters(task, trial.candidate)) < added)
-        if not _voltage_error(next(simpler, first)) < _voltage_error(first):
-            break
-        first, *others = others
-    return first
-
-
-def _voltage_error(trial: Trial) -> float:
-    """Root mean square of the voltage error over all of the time, mV; infinite where there is none."""
-    error = np.nan if trial.metrics is None else voltage_rmse_mv(trial.metrics)
-    return np.inf if np.isnan(error) else error
+    return min(trials, key=lambda trial: (_improbability(task, prior, trial), trial.objective))
 
 
 def _improbability(task: Task, prior: Prior, trial: Trial) -> float:

@@ -116,7 +116,7 @@ def calibrate(
         Whether the records are those of whole lives: capacity by cycle, and the curves of a few cycles, are compared.
     fit_cycles : int, optional
         Of a life fit only the first cycles, and forecast the later ones; implies ``life``.
-    weight : {'uniform', 'robust', 'knee'}, optional
+    weight : {'uniform', 'robust'}, optional
         How errors count: ``"robust"`` keeps what is far off for a short time from deciding the fit; by default the
         task's own, ``"uniform"`` for records.
     scaffold : str, optional

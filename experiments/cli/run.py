@@ -97,9 +97,8 @@ def run(
     weight: Annotated[
         str | None,
         shared.model_option(
-            metavar="uniform|robust|knee",
-            help="How errors count: robust keeps what is far off for a short time from deciding the fit; with knee "
-            "the end of a discharge counts by all of its error.",
+            metavar="uniform|robust",
+            help="How errors count: robust keeps what is far off for a short time from deciding the fit.",
         ),
     ] = None,
     scaffold: Annotated[

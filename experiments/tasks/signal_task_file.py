@@ -111,9 +111,7 @@ class SignalTaskFile(BaseModel, extra="forbid"):
     parameters: list[ParameterEntry] = Field(min_length=1, description="What is searched.")
     records: list[SignalRecord] = Field(min_length=1, description="What is to be matched.")
     held_out: list[SignalRecord] = Field([], description="What is not fitted, and scored after the search.")
-    weight: Weight = Field(
-        "uniform", description="robust: what is far off for a short time does not decide; knee: it counts in full."
-    )
+    weight: Weight = Field("uniform", description="robust: what is far off for a short time does not decide.")
 
 
 def load_signal_task(content: Mapping[str, Any], path: Path) -> Task:

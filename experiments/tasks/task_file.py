@@ -89,9 +89,7 @@ class TaskFile(BaseModel, extra="forbid"):
     search: str | dict[str, Any] = Field(description="A preset's name, or parameters with bounds.")
     experiments: list[ExperimentEntry] = Field(min_length=1, description="The records to match.")
     held_out: list[ExperimentEntry] = Field([], description="Records that are not fitted, and scored after the search.")
-    weight: Weight = Field(
-        "uniform", description="robust: what is far off for a short time does not decide; knee: it counts in full."
-    )
+    weight: Weight = Field("uniform", description="robust: what is far off for a short time does not decide.")
 
 
 def load_task_file(path: Path) -> Task:

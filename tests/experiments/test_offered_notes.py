@@ -24,9 +24,9 @@ def offering() -> Task:
     return replace(task, cell=cell, space=ParameterSpace((*task.space, strength)))
 
 
-def trial(index: int, extra: float, misfit: float, voltage_mv: float) -> Trial:
+def trial(index: int, extra: float, misfit: float) -> Trial:
     candidate = {**offering().space.initial, "extra": extra}
-    metrics = SignalMetrics(misfit, {"voltage_rmse_mv": voltage_mv})
+    metrics = SignalMetrics(misfit, {})
     residuals = np.full(RESIDUALS, misfit)
     return Trial(index, "search", 1, candidate, metrics, None, residuals, Feedback({}), (), 0.0)
 
@@ -35,14 +35,13 @@ def trial(index: int, extra: float, misfit: float, voltage_mv: float) -> Trial:
     ("having", "answered", "words"),
     [
         ([], 0, None),
-        ([trial(1, 0.1, 5.0, 6.0)], 1, "the fit with it is more probable (misfit 5 tolerances with 1 more parameter, "),
-        ([trial(1, 0.1, 9.99, 9.0)], 0, "was tried and left out: the fit with it is not better"),
-        ([trial(1, 0.1, 3.0, 26.0)], 0, "was tried and left out: its voltage error is larger"),
+        ([trial(1, 0.1, 5.0)], 1, "the fit with it is more probable (misfit 5 tolerances with 1 more parameter, "),
+        ([trial(1, 0.1, 9.99)], 0, "was tried and left out: the fit with it is not more probable"),
     ],
-    ids=["not tried", "added", "not worth its parameter", "errors that cancel"],
+    ids=["not tried", "added", "not worth its parameter"],
 )
 def test_what_became_of_it(having: Sequence[Trial], answered: int, words: str | None) -> None:
-    trials = [trial(0, 0.0, 10.0, 14.0), *having]
+    trials = [trial(0, 0.0, 10.0), *having]
     assert answer(offering(), trials).index == answered
     said = list(offered_notes(offering(), trials))
     assert len(said) == (words is not None)
@@ -51,13 +50,5 @@ def test_what_became_of_it(having: Sequence[Trial], answered: int, words: str | 
         assert "10 without" in said[0]
 
 
-def test_errors_that_cancel_name_the_weight_that_counts_them() -> None:
-    trials = [trial(0, 0.0, 10.0, 14.0), trial(1, 0.1, 3.0, 26.0)]
-    (said,) = offered_notes(offering(), trials)
-    assert "--weight knee" in said
-    (said,) = offered_notes(replace(offering(), weight="knee"), trials)
-    assert "--weight knee" not in said
-
-
 def test_a_task_without_offers_says_nothing() -> None:
-    assert list(offered_notes(sample_task(), [trial(0, 0.0, 1.0, 1.0)])) == []
+    assert list(offered_notes(sample_task(), [trial(0, 0.0, 1.0)])) == []

@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bsa.core.cell import VOLTAGE
@@ -9,7 +7,7 @@ from bsa.core.comparison.step_parts import count_of_parts, step_parts
 from bsa.core.parameters import Parameter, ParameterSpace
 from bsa.core.rms import rms
 from bsa.core.simulation import ExperimentRun, Outcome
-from bsa.core.task import CellModel, Experiment, Task, Weight
+from bsa.core.task import CellModel, Experiment, Task
 from bsa.core.trajectory import Step, StepKind, Trajectory
 
 SPACE = ParameterSpace((Parameter("a", 1.0, 0.5, 2.0),))
@@ -52,9 +50,8 @@ def test_a_pulse_has_no_part_before_its_first_sample_but_one() -> None:
     assert np.count_nonzero(middles < 0.2) == 1
 
 
-@pytest.mark.parametrize("knees", [False, True])
-def test_parts_of_a_constant_signal_are_equally_long(knees: bool) -> None:
-    parts = step_parts(pairs(pulse_rest_and_drive())[1], VOLTAGE, knees)
+def test_parts_of_a_constant_signal_are_equally_long() -> None:
+    parts = step_parts(pairs(pulse_rest_and_drive())[1], VOLTAGE)
     assert np.allclose(parts.weights, 1.0 / len(parts.weights))
     assert np.allclose(parts.ends, np.cumsum(parts.weights))
 
@@ -69,26 +66,24 @@ def discharge_with_a_knee() -> Trajectory:
 
 def test_a_knee_is_in_many_parts_which_count_by_their_duration() -> None:
     record = discharge_with_a_knee()
-    parts = step_parts(pairs(record)[0], VOLTAGE, knees=True)
+    parts = step_parts(pairs(record)[0], VOLTAGE)
     late = parts.fractions.mean(axis=1) > 3540.0 / 3600.0
     assert np.count_nonzero(late) == pytest.approx(len(late) * (0.2 / 1.3 + 0.8 / 60.0), abs=1)
     assert np.sum(parts.weights[late]) == pytest.approx(1.0 / 60.0, rel=0.2)
     assert np.sum(parts.weights) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize(("weight", "share"), [("uniform", 0.0), ("knee", 1.0)])
-def test_an_error_that_changes_its_sign_at_a_knee_counts_where_it_is_asked_for(weight: Weight, share: float) -> None:
+def test_an_error_that_changes_its_sign_at_a_knee_counts() -> None:
     record = discharge_with_a_knee()
     assert record.voltage is not None
     # The knee is steeper at first and flatter at the end: 0.2 V too low, then 0.2 V too high.
     wrong = record.changed(
         voltage=np.interp(record.time, [0.0, 3540.0, 3555.0, 3585.0, 3600.0], [4.0, 3.7, 3.25, 3.15, 2.7])
     )
-    task = replace(task_of(record), weight=weight)
-    found = residuals(task, Outcome((ExperimentRun(wrong),)))
+    found = residuals(task_of(record), Outcome((ExperimentRun(wrong),)))
     squares = np.square(record.voltage - np.asarray(wrong.voltage))
     whole_mv = 1e3 * np.sqrt(np.trapezoid(squares, record.time) / 3600.0)
-    assert rms(found) / whole_mv == pytest.approx(share, abs=0.1)
+    assert rms(found) / whole_mv == pytest.approx(1.0, abs=0.1)
 
 
 @pytest.mark.parametrize("place", range(3))

@@ -80,35 +80,6 @@ def test_parameters_of_an_effect_that_was_added_have_to_be_worth_it() -> None:
     assert answer(task, [trial(0, 1.0, 10.0, without), too_little]).index == 0
 
 
-def test_each_effect_that_was_added_has_to_lower_the_voltage_error() -> None:
-    task = noisy_task(by_protocol=False)
-    names = ("first", "second")
-    task = replace(
-        task,
-        cell=replace(task.cell, effects=names, offered={name: (name,) for name in names}),
-        space=ParameterSpace((*task.space, *(Parameter(name, 0.0, 0.0, 1.0, deviation=0.1) for name in names))),
-    )
-
-    def having(index: int, misfit: float, voltage_mv: float, *added: str) -> Trial:
-        candidate = {**sample_task().space.initial, **{name: 0.1 * (name in added) for name in names}}
-        found = trial(index, 1.0, misfit, candidate)
-        return replace(found, metrics=SignalMetrics(misfit, {"voltage_rmse_mv": voltage_mv}))
-
-    without, one, cancels, both = (
-        having(0, 100.0, 20.0),
-        having(1, 30.0, 10.0, "first"),
-        having(2, 10.0, 12.0, *names),
-        having(3, 10.0, 8.0, *names),
-    )
-    assert answer(task, [without, one, cancels]) is one
-    assert answer(task, [without, one, both]) is both
-    assert answer(task, [without, cancels]) is cancels
-    # Of the simulations with an effect, one that is less probable than another may be nearer.
-    hides, nearer = having(4, 10.0, 26.0, "first"), having(5, 15.0, 18.0, "first")
-    assert answer(task, [without, hides]) is without
-    assert answer(task, [without, hides, nearer]) is nearer
-
-
 def test_where_nothing_ran_to_its_end_the_first_stands() -> None:
     failed = [replace(trial(number, 1.0, 1.0), metrics=None, residuals=None) for number in range(2)]
     assert answer(noisy_task(by_protocol=True), failed) is failed[0]
