@@ -15,8 +15,8 @@ _PARTS = 40
 _BY_CHANGE = 0.2
 """Share that the change of the signal has in the length of a part; the rest is its duration. By duration alone the last
 part of a discharge at 1C is 90 s long, and in its mean a knee that is 180 mV off one way and 40 mV off the other counts
-as 5 mV: a fit of CALCE CS2_35 ended at 26.6 mV rms. With a fifth by change it ends at 4.4, with half and twice as much at
-4.1 and 4.4; with 0.5, by an earlier version, NASA B0005 ended at 10.1 mV in place of 6.0."""
+as 5 mV: a fit of CALCE CS2_35 ended at 26.6 mV rms. With a fifth by change it ends at 4.4, with half and twice as much
+at 4.1 and 4.4; with 0.5, by an earlier version, NASA B0005 ended at 10.1 mV in place of 6.0."""
 
 _CURVE = 400
 """Points of a step's curve along which its change is added up: few enough that the noise adds little to it."""
